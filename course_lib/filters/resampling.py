@@ -1,0 +1,106 @@
+"""Resampling: turn weights into offspring indices, without bias.
+
+Each scheme takes normalised weights `w` (N,), a Generator and a number of offspring, and returns sorted indices
+(size,), int64, such that index i is expected `size * w[i]` times. They differ in the variance of that number.
+
+References
+----------
+R. Douc, O. Cappé, E. Moulines, *Comparison of resampling schemes for particle filtering*, ISPA 2005.
+"""
+
+import numpy as np
+from numba import njit
+
+
+@njit("int64[::1](float64[::1], float64[::1])", cache=True)
+def inverse_cdf(weights, positions):
+    """Index of the weight whose share of [0, 1] holds each position.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (N,)
+        Non-negative, with a positive sum.
+    positions : ndarray, shape (M,)
+        Sorted, in [0, 1).
+
+    Returns
+    -------
+    ndarray of int64, shape (M,)
+        Sorted indices; an index of zero weight is never among them.
+    """
+    total = 0.0
+    last = 0
+    for i in range(weights.size):
+        total += weights[i]
+        if weights[i] > 0.0:
+            last = i
+    indices = np.empty(positions.size, dtype=np.int64)
+    i = 0
+    cumulative = weights[0]
+    for m in range(positions.size):
+        # The cumulative sum ends at `total`, not at one: scaling the position instead of the
+        # weights makes the last one reachable whatever rounding did; `last` bounds it.
+        target = positions[m] * total
+        while cumulative <= target and i < last:
+            i += 1
+            cumulative += weights[i]
+        indices[m] = i
+    return indices
+
+
+def multinomial(weights, rng, size=None):
+    """Independent draws: offspring are multinomial.
+
+    Parameters
+    ----------
+    weights : array_like, shape (N,)
+        Normalised weights.
+    rng : numpy.random.Generator
+    size : int, optional
+        Number of offspring; N when left out.
+
+    Returns
+    -------
+    ndarray of int64, shape (size,)
+        Sorted indices.
+    """
+    weights, size = _arguments(weights, size)
+    # Normalised partial sums of exponentials are the order statistics of uniforms: sorted without sorting.
+    gaps = np.cumsum(rng.standard_exponential(size + 1))
+    return inverse_cdf(weights, gaps[:-1] / gaps[-1])
+
+
+def stratified(weights, rng, size=None):
+    """One uniform draw in each of `size` equal strata. Parameters and return as in `multinomial`."""
+    weights, size = _arguments(weights, size)
+    return inverse_cdf(weights, (np.arange(size) + rng.random(size)) / size)
+
+
+def systematic(weights, rng, size=None):
+    """One uniform draw, repeated at equal spacing: i has ⌊size·w⌋ or ⌈size·w⌉ offspring.
+
+    Parameters and return as in `multinomial`.
+    """
+    weights, size = _arguments(weights, size)
+    return inverse_cdf(weights, (np.arange(size) + rng.random()) / size)
+
+
+def residual(weights, rng, size=None):
+    """⌊size·w⌋ copies of each, the rest drawn from what is left over. Parameters and return as in `multinomial`."""
+    weights, size = _arguments(weights, size)
+    expected = size * weights / weights.sum()
+    copies = np.floor(expected).astype(np.int64)
+    rest = size - int(copies.sum())
+    if rest:
+        drawn = multinomial(expected - copies, rng, rest)
+        copies += np.bincount(drawn, minlength=weights.size)
+    return np.repeat(np.arange(weights.size), copies)
+
+
+def _arguments(weights, size):
+    weights = np.ascontiguousarray(weights, dtype=float)
+    if weights.ndim != 1 or weights.size == 0:
+        raise ValueError(f"weights must have shape (N,) with N > 0, got {weights.shape}")
+    if not (np.all(weights >= 0.0) and 0.0 < weights.sum() < np.inf):
+        raise ValueError("weights must be finite and non-negative, and one of them positive")
+    return weights, weights.size if size is None else size

@@ -1,0 +1,1 @@
+"""Two vacuum robots in one room: ETH Zurich, Recursive Estimation, spring 2015, exercise 2."""

@@ -1,0 +1,181 @@
+"""What came out: one JSON-serialisable record per submission and assignment. Every report is a view of it."""
+
+import json
+from dataclasses import asdict, dataclass, field
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One replayed run.
+
+    Attributes
+    ----------
+    index : int
+    status : str
+        "ok", or why it earned nothing: "crashed", "timeout", "invalid posterior", "flooded", "exited", "memory".
+    message : str
+        One line for the student; empty when all went well.
+    values, reference : dict of str to float
+        Metric means over the run, of the submission (empty unless ok) and of the reference on the same run.
+    """
+
+    index: int
+    status: str
+    message: str
+    values: dict[str, float]
+    reference: dict[str, float]
+
+
+@dataclass(frozen=True)
+class CriterionResult:
+    """What one metric of one variant earned. `value` is the mean over the episodes that finished, or None."""
+
+    metric: str
+    points: float
+    max_points: float
+    full: float
+    none: float
+    value: float | None
+    reference: float
+
+
+@dataclass(frozen=True)
+class VariantResult:
+    """What one variant earned."""
+
+    name: str
+    title: str
+    criteria: list[CriterionResult]
+    episodes: list[Episode]
+
+    @property
+    def points(self):
+        """Points earned here."""
+        return sum(criterion.points for criterion in self.criteria)
+
+    @property
+    def max_points(self):
+        """Points there were to earn here."""
+        return sum(criterion.max_points for criterion in self.criteria)
+
+
+@dataclass(frozen=True)
+class SpeedResult:
+    """CPU time per update, as a ratio to the reference's, measured side by side.
+
+    Attributes
+    ----------
+    status, message : str
+        As in `Episode`.
+    milliseconds, reference_milliseconds : float or None
+        CPU time per update on this machine: information, not a grade.
+    ratios : list of float
+        One per pair of fresh processes; the grade is their median's.
+    points, max_points, full, none : float
+    """
+
+    status: str
+    message: str
+    milliseconds: float | None
+    reference_milliseconds: float | None
+    ratios: list[float]
+    points: float
+    max_points: float
+    full: float
+    none: float
+
+    @property
+    def ratio(self):
+        """Median ratio, or None when nothing was measured."""
+        ranked = sorted(self.ratios)
+        middle = len(ranked) // 2
+        if not ranked:
+            return None
+        return ranked[middle] if len(ranked) % 2 else (ranked[middle - 1] + ranked[middle]) / 2
+
+
+@dataclass(frozen=True)
+class Trace:
+    """The worst episode, for the pictures of a report.
+
+    Attributes
+    ----------
+    variant : str
+    episode : int
+    metric : str
+        The metric that `error` and `reference_error` hold.
+    error, reference_error : list of float
+        Per time step; `error` ends where the submission did.
+    truth : list
+        [target][step] -> [x, y].
+    frames : list of dict
+        {"step": int, "particles": [target][particle] -> [x, y]}, a thinned cloud every few steps.
+    picture : dict
+        What a drawing of the world needs, from `Assignment.picture`.
+    """
+
+    variant: str
+    episode: int
+    metric: str
+    error: list[float]
+    reference_error: list[float]
+    truth: list
+    frames: list[dict]
+    picture: dict
+
+
+@dataclass(frozen=True)
+class Result:
+    """The grade of one submission and everything that explains it.
+
+    Attributes
+    ----------
+    submission, path, digest : str
+        Whose it is, the file, SHA-256 of its source.
+    assignment : str
+    status : str
+        "graded" or "refused".
+    message : str
+        Why it was refused, or the line that explains the worst thing that happened; may be empty.
+    points, max_points : float
+    variants : list of VariantResult
+    speed : SpeedResult or None
+    trace : Trace or None
+    environment : dict
+        Versions, isolation, secret's fingerprint: what a repetition needs.
+    """
+
+    submission: str
+    path: str
+    digest: str
+    assignment: str
+    status: str
+    message: str
+    points: float
+    max_points: float
+    variants: list[VariantResult] = field(default_factory=list)
+    speed: SpeedResult | None = None
+    trace: Trace | None = None
+    environment: dict = field(default_factory=dict)
+
+    def to_json(self):
+        """The record as JSON text, one line per key at the top."""
+        return json.dumps(asdict(self), indent=1, allow_nan=False)
+
+    @classmethod
+    def from_json(cls, text):
+        """The record that `to_json` wrote."""
+        data = json.loads(text)
+        data["variants"] = [
+            VariantResult(
+                **{
+                    **variant,
+                    "criteria": [CriterionResult(**criterion) for criterion in variant["criteria"]],
+                    "episodes": [Episode(**episode) for episode in variant["episodes"]],
+                }
+            )
+            for variant in data["variants"]
+        ]
+        data["speed"] = data["speed"] and SpeedResult(**data["speed"])
+        data["trace"] = data["trace"] and Trace(**data["trace"])
+        return cls(**data)
