@@ -23,7 +23,7 @@ def best_share_error(distances, weights, share=0.5):
     Returns
     -------
     float
-        With equal weights and a share of one half: the mean of the ⌊N/2⌋ smallest distances, the measure of the exercise.
+        With equal weights and a share of one half: the mean of the ⌊N/2⌋ smallest distances, as in the exercise.
     """
     order = np.argsort(distances)
     cumulative = np.cumsum(weights[order])

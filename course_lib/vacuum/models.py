@@ -141,9 +141,9 @@ def _to_wall(states, i, column, dx, dy, distance, room_x, room_y):
 def drive(states, column, distance, room_x, room_y, v_bar, rng):
     """Drive robots their distance, bouncing off walls as often as it takes; changes `states` in place.
 
-    A bounce keeps the speed, so that a robot's time in a step is used up when its distance is. Bounces are drawn round by
-    round (every robot's first bounce in order of rows, then every second one, ...), which is the order in
-    which an array implementation draws them.
+    A bounce keeps the speed, so that a robot's time in a step is used up when its distance is. Bounces are drawn
+    round by round (every robot's first bounce in order of rows, then every second one, ...), which is the order
+    in which an array implementation draws them.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def drive(states, column, distance, room_x, room_y, v_bar, rng):
             dx, dy = direction_x[j], direction_y[j]
             # v = v̄ (2p - 1)^{1/3}
             noise = v_bar * np.cbrt(2.0 * rng.random() - 1.0)
-            x, y = states[i, column], states[i, column + 1]
+            x = states[i, column]
             if (x <= 0.0 and dx < 0.0) or (x >= room_x and dx > 0.0):
                 dy, dx = _bounce(dy, dx, noise)
             else:
