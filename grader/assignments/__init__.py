@@ -1,0 +1,1 @@
+"""One file per world: variants, metrics, thresholds, and the exercises of its notebook."""
