@@ -48,6 +48,28 @@ class World:
             truth[k + 1] = models.transition(truth[k : k + 1], controls[k], self.constants, motion)[0]
         return Run(truth, self._observe(truth[1:], sensing), controls)
 
+    def simulate_many(self, rng, size):
+        """Draw many truths under the same speeds, while all sensors are silent: what a filter has to predict.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        size : int
+            Number of truths M.
+
+        Returns
+        -------
+        Run
+            `truth` (T + 1, M, 6), `observations` (T, 4) all `inf`, `controls` (T, 2).
+        """
+        steps = self.hidden.steps
+        controls = np.column_stack([self._speeds(rng), self._speeds(rng)])
+        truth = np.empty((steps + 1, size, 6))
+        truth[0] = models.prior(size, self.constants, rng)
+        for k in range(steps):
+            truth[k + 1] = models.transition(truth[k], controls[k], self.constants, rng)
+        return Run(truth, np.full((steps, 4), np.inf), controls)
+
     def _speeds(self, rng):
         """Piecewise constant speeds of one robot, shape (T,)."""
         hidden = self.hidden

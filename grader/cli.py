@@ -1,0 +1,174 @@
+"""Every command an instructor types."""
+
+import os
+import sys
+import tempfile
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from datetime import date
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from grader import intake
+from grader.assignment import PUBLIC_SECRET
+from grader.assignments import assignments
+from grader.executors import local_pool
+from grader.grade import refused
+from grader.reports import html, terminal
+from grader.sandbox.host import SandboxError
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+console = Console()
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+
+#: Exit codes: all submissions graded; some refused; nothing done.
+SOME_REFUSED, NOTHING_DONE = 1, 2
+
+
+@app.callback()
+def _commands():
+    """Grade a class's estimators, and make the course's notebooks."""
+
+
+@app.command()
+def grade(
+    submissions: Annotated[list[Path], typer.Argument(help="Files (.py, .ipynb) or folders of them.")],
+    assignment: Annotated[str | None, typer.Option("--assignment", "-a", help="Which assignment they answer.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for report.html and results/.")] = Path(
+        "grades"
+    ),
+    jobs: Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Processes; by default one per core.")] = None,
+    secret: Annotated[
+        Path | None,
+        typer.Option(
+            help="File whose bytes choose the episodes; without it they are the public ones, which anyone can repeat."
+        ),
+    ] = None,
+):
+    """Grade submissions: print the table, write one JSON record each and an HTML report."""
+    chosen = _choose(assignment)
+    key = _read_secret(secret)
+    programs, refusals = intake.gather(submissions, chosen)
+    _writable(output)
+    for refusal in refusals:
+        errors.print(f"{refusal.path}: {refusal.reason}", style="red", markup=False)
+    results = [refused(refusal, chosen, key) for refusal in refusals]
+    for result in results:
+        _store(result, output)
+    if programs:
+        results += _run(programs, chosen, key, jobs, output)
+        results.sort(key=lambda result: (-result.points, result.submission))
+        console.print(terminal.table(results))
+        console.print(terminal.summary(results))
+    with _storing(output):
+        html.write(results, output / "report.html", title=chosen.title, when=date.today().isoformat())
+    console.print(f"Report: {output / 'report.html'}", soft_wrap=True, markup=False)
+    if refusals:
+        raise typer.Exit(SOME_REFUSED if programs else NOTHING_DONE)
+
+
+@app.command()
+def release(
+    check: Annotated[bool, typer.Option("--check", help="Write nothing; exit 1 when a product is stale.")] = False,
+):
+    """Make both notebooks of each lesson from its source in solutions/."""
+    # Only here: it imports the notebook tools, which grading does not need.
+    from grader import release as products
+
+    root = Path.cwd()
+    if not (root / "solutions").is_dir():
+        _stop(f"no folder solutions/ in {root}: run this at the top of the course")
+    if check:
+        stale = products.stale(root)
+        for line in stale:
+            errors.print(line, style="red", markup=False)
+        raise typer.Exit(1 if stale else 0)
+    with console.status("executing the lessons"):
+        try:
+            products.release(root)
+        except (OSError, ValueError, RuntimeError) as error:
+            _stop(str(error))
+
+
+def main():
+    """The `grader` command."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        errors.print("stopped; what was graded is kept", style="red")
+        sys.exit(130)
+
+
+def _run(programs, assignment, secret, jobs, output):
+    """Grade with progress bars, storing each result as soon as it is there."""
+    results = []
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    try:
+        with (
+            Progress(*columns, TimeRemainingColumn(), console=console) as progress,
+            local_pool(assignment, secret, jobs) as pool,
+        ):
+            references = dict(progress.track(pool.references(), len(assignment.variants), description="reference  "))
+            graded = pool.grade(programs, references)
+            for submission, result in progress.track(graded, len(programs), description="submissions"):
+                _store(result, output)
+                results.append(result)
+                if not console.is_terminal:
+                    console.print(f"{submission.name}: {result.points:.1f} of {result.max_points:g}", markup=False)
+    except (SandboxError, RuntimeError, BrokenProcessPool) as error:
+        _stop(f"grading stopped after {len(results)} of {len(programs)} submissions, whose results are kept: {error}")
+    return results
+
+
+def _choose(name):
+    available = assignments()
+    if name is None and len(available) == 1:
+        return next(iter(available.values()))
+    if name not in available:
+        _stop(f"name the assignment with --assignment: one of {', '.join(sorted(available))}")
+    return available[name]
+
+
+def _read_secret(path):
+    if path is None:
+        return PUBLIC_SECRET
+    try:
+        key = path.read_bytes()
+    except OSError as error:
+        _stop(f"cannot read the secret {path}: {error.strerror}")
+    if len(key) < 16:
+        _stop(f"the secret {path} has {len(key)} bytes: it needs at least 16 random ones")
+    return key
+
+
+def _writable(output):
+    """Find out before grading, not after, that results have nowhere to go."""
+    with _storing(output):
+        (output / "results").mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=output / "results"):
+            pass
+
+
+def _store(result, output):
+    path = output / "results" / (result.submission.replace(os.sep, "__") + ".json")
+    partial = path.with_suffix(".partial")
+    with _storing(output):
+        partial.write_text(result.to_json(), encoding="utf-8")
+        partial.replace(path)
+
+
+@contextmanager
+def _storing(output):
+    try:
+        yield
+    except OSError as error:
+        _stop(f"cannot write to {output}: {error.strerror or error}; name another folder with --output")
+
+
+def _stop(line):
+    errors.print(line, style="red", markup=False)
+    raise typer.Exit(NOTHING_DONE)
