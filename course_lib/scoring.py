@@ -17,18 +17,19 @@ def best_share_error(distances, weights, share=0.5):
     weights : ndarray, shape (N,)
         Normalised.
     share : float
-        How much of the weight counts: particles are taken from the nearest on while their weights sum to at
-        most this, but at least one is.
+        How much of the weight counts, in (0, 1]: particles are taken from the nearest on until their weights sum to
+        this, the last one with as much of its weight as it takes.
 
     Returns
     -------
     float
-        With equal weights and a share of one half: the mean of the ⌊N/2⌋ smallest distances, as in the exercise.
+        With equal weights, an even N and a share of one half: the mean of the N/2 smallest distances, as in the
+        exercise.
     """
     order = np.argsort(distances)
-    cumulative = np.cumsum(weights[order])
-    kept = order[: max(1, np.searchsorted(cumulative, share + 1e-9, side="right"))]
-    return float(distances[kept] @ weights[kept] / weights[kept].sum())
+    cumulative = np.minimum(np.cumsum(weights[order]), share)
+    kept = np.diff(cumulative, prepend=0.0)
+    return float(distances[order] @ kept / cumulative[-1])
 
 
 def energy_score(points, weights, truths):
