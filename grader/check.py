@@ -316,7 +316,8 @@ def _deadline(seconds):
         raise _TookTooLongError
 
     handler = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    # Rings again every second, in case a bare `except:` swallowed it.
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
     try:
         yield
     finally:
