@@ -89,10 +89,11 @@ def residual(weights, rng, size=None):
     """⌊size·w⌋ copies of each, the rest drawn from what is left over. Parameters and return as in `multinomial`."""
     weights, size = _arguments(weights, size)
     expected = size * weights / weights.sum()
-    copies = np.floor(expected).astype(np.int64)
+    # A whole number that rounding left just below itself is still that number: N equal weights keep N copies.
+    copies = np.floor(expected * (1.0 + 1e-12)).astype(np.int64)
     rest = size - int(copies.sum())
     if rest:
-        drawn = multinomial(expected - copies, rng, rest)
+        drawn = multinomial(np.maximum(expected - copies, 0.0), rng, rest)
         copies += np.bincount(drawn, minlength=weights.size)
     return np.repeat(np.arange(weights.size), copies)
 
