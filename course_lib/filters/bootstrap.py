@@ -88,7 +88,8 @@ def resample(particles, rng, scheme=systematic, threshold=0.5):
     Particles
         Equally weighted offspring, or the particles as they are.
     """
-    if effective_sample_size(particles) >= threshold * len(particles.states):
+    # Equal weights have an effective sample size of N but for rounding.
+    if effective_sample_size(particles) >= threshold * len(particles.states) * (1.0 - 1e-9):
         return particles
     return equally_weighted(particles.states[scheme(particles.weights, rng)])
 
