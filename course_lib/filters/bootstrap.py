@@ -59,7 +59,13 @@ def update(particles, log_likelihood):
     ZeroLikelihoodError
         Every weight is zero. What to do then is the caller's choice (keep the prior, redraw it); none is right
         for all models.
+    ValueError
+        A log-likelihood is NaN or `inf`, or there is not one for each particle.
     """
+    if np.shape(log_likelihood) != particles.log_weights.shape:
+        raise ValueError(
+            f"log-likelihoods must have shape {particles.log_weights.shape}, got {np.shape(log_likelihood)}"
+        )
     # p(z_k | z_{1:k-1}) ≈ Σ_n w_{k-1}^n p(z_k | x_k^n);  w_k^n = w_{k-1}^n p(z_k | x_k^n) / p(z_k | z_{1:k-1})
     log_weights, log_evidence = normalise(particles.log_weights + log_likelihood)
     if not np.isfinite(log_evidence):
