@@ -1,0 +1,1 @@
+"""Where a submission runs: `host` outside, `zygote` and `worker` inside, `wire` between them."""
