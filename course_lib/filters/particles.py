@@ -203,7 +203,7 @@ def _deviations(particles, centre, angles):
 def _log_density(particles, angles):
     deviations = _deviations(particles, mean(particles, angles), angles)
     density = gaussian_kde(deviations.T, weights=particles.weights)
-    # A kernel reaches across the seam: on the circle p̂(θ) is the sum of p̂(θ + 2πk), and k = -1, 0, 1 are all that matter.
+    # A kernel reaches across the seam: on the circle p̂(θ) is the sum of p̂(θ + 2πk), of which k = -1, 0, 1 matter.
     columns = list(angles)
     turns = np.array(list(product((-1, 0, 1), repeat=len(columns))))
     shifts = np.zeros((len(turns), deviations.shape[1]))
