@@ -63,8 +63,9 @@ def region_rank(points, weights, truth):
     """Share of a weighted sample that lies more centrally than the truth does.
 
     A point's depth is its mean distance to the sample, so that the region of the most central 90 % follows the sample's
-    shape, whatever it is; a particle's is measured with the truth in its place. When the truth is drawn from the posterior, the rank is uniform on [0, 1]: it is at
-    most 0.9 in nine steps of ten. More often means an overcautious filter, less often an overconfident one.
+    shape, whatever it is; a particle's is measured with the truth in its place. When the truth is drawn from the
+    posterior, the rank is uniform on [0, 1]: it is at most 0.9 in nine steps of ten. More often means an overcautious
+    filter, less often an overconfident one.
 
     Parameters
     ----------
