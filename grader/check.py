@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 from IPython.display import display
 
-#: Seconds of CPU time a check may take: of CPU time, so that a busy machine stops nobody. The slowest takes a fifth of it.
+#: Seconds of CPU time a check may take: of CPU time, so that a busy machine stops nobody. Two are enough for most.
 DEADLINE = 60.0
 
 

@@ -39,7 +39,8 @@ import numpy as np
 from course_lib.angles import wrap
 from course_lib.filters import resampling
 from course_lib.vacuum import models
-from grader.assignments import vacuum_checks
+from grader.assignments import vacuum_filter_checks as filter_checks
+from grader.assignments import vacuum_motion_checks as motion_checks
 from grader.check import Exercise
 
 
@@ -93,7 +94,7 @@ EXERCISES = (
     Exercise(
         "bounce-noise",
         "Draw the bounce noise",
-        vacuum_checks.bounce_noise,
+        motion_checks.bounce_noise,
         models.bounce_noise,
         (
             r"Integrate $f(v) = c v^2$ from $-\bar v$ to $v$ to get $F(v)$, then solve $F(v) = p$ for $v$.",
@@ -105,7 +106,7 @@ EXERCISES = (
     Exercise(
         "bounce",
         "Bounce off any of the four walls",
-        vacuum_checks.bounce,
+        motion_checks.bounce,
         bounce,
         (
             "Turn the room so that every wall is the same wall: look at the heading relative to the wall's normal.",
@@ -119,7 +120,7 @@ EXERCISES = (
     Exercise(
         "prior",
         "Draw the two robots at time 0",
-        vacuum_checks.sample_prior,
+        motion_checks.sample_prior,
         models.prior,
         (
             "Draw a corner for each particle and robot, then a heading that depends on the corner.",
@@ -134,7 +135,7 @@ EXERCISES = (
     Exercise(
         "drive",
         "Drive with bounces as events within a step",
-        vacuum_checks.drive,
+        motion_checks.drive,
         drive,
         (
             "A robot drives to the next wall or to the end of its distance, whichever comes first. What is left "
@@ -151,7 +152,7 @@ EXERCISES = (
     Exercise(
         "likelihood",
         "The likelihood of four readings",
-        vacuum_checks.log_likelihood,
+        filter_checks.log_likelihood,
         models.log_likelihood,
         (
             "For one sensor, use the theorem of total probability over which robot it measured. Then: the "
@@ -166,7 +167,7 @@ EXERCISES = (
     Exercise(
         "resample",
         "Systematic resampling",
-        vacuum_checks.systematic,
+        filter_checks.systematic,
         resampling.systematic,
         (
             "Lay the weights end to end on [0, 1] and place N equally spaced marks on it: a particle has as "
@@ -181,7 +182,7 @@ EXERCISES = (
     Exercise(
         "roughen",
         "Roughen after resampling",
-        vacuum_checks.roughen,
+        filter_checks.roughen,
         roughen,
         (
             "Add a normal number to each entry. Its deviation differs from column to column, not from row to row.",
@@ -194,7 +195,7 @@ EXERCISES = (
     Exercise(
         "estimator",
         "The whole filter",
-        vacuum_checks.estimator,
+        filter_checks.estimator,
         "course_lib.vacuum.reference:Estimator",
         (
             "You have all the pieces. On the first call `previous` is None: return the prior. On every other: "
