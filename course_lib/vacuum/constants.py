@@ -40,18 +40,16 @@ class Constants:
     v_s_bar: float = 0.0
 
     def __post_init__(self):
-        for name, low, high in [
-            ("L", 1e-9, np.inf),
-            ("Ts", 1e-9, np.inf),
-            ("v_bar", 0.0, 1.0),
-            ("w_bar", 1e-9, np.inf),
-            ("s_bar", 0.0, 1.0),
-            ("length", 1e-9, np.inf),
-            ("v_s_bar", 0.0, 1.0 - 1e-9),
-        ]:
-            value = getattr(self, name)
-            if not (low <= value <= high and np.isfinite(value)):
-                raise ValueError(f"{name} = {value} lies outside [{low:g}, {high:g}]")
+        _check_ranges(
+            self,
+            L=(1e-9, np.inf),
+            Ts=(1e-9, np.inf),
+            v_bar=(0.0, 1.0),
+            w_bar=(1e-9, np.inf),
+            s_bar=(0.0, 1.0),
+            length=(1e-9, np.inf),
+            v_s_bar=(0.0, 1.0 - 1e-9),
+        )
 
     @property
     def room(self):
@@ -87,3 +85,21 @@ class Hidden:
     slowest: float = 1.0
     fastest: float = 2.0
     report_probability: float = 0.2
+
+    def __post_init__(self):
+        _check_ranges(
+            self,
+            steps=(1, np.inf),
+            shortest_segment=(1, self.longest_segment),
+            longest_segment=(1, np.inf),
+            slowest=(0.0, self.fastest),
+            fastest=(0.0, np.inf),
+            report_probability=(0.0, 1.0),
+        )
+
+
+def _check_ranges(record, **ranges):
+    for name, (low, high) in ranges.items():
+        value = getattr(record, name)
+        if not (low <= value <= high and np.isfinite(value)):
+            raise ValueError(f"{name} = {value} must be finite and within [{low:.9g}, {high:.9g}]")
