@@ -1,0 +1,1 @@
+"""Views of results: none of them changes a grade."""

@@ -1,0 +1,48 @@
+"""What every view of a class says of it: the few figures one looks at first."""
+
+import statistics
+
+
+def headline(results):
+    """The variant whose criteria stand for the whole: the assignment's first; None when everything was refused."""
+    return next((result.variants[0] for result in results if result.variants), None)
+
+
+def worst_variant(result):
+    """The variant with the smallest share of its points, None when nothing was lost."""
+    lossy = [variant for variant in result.variants if variant.points < variant.max_points - 1e-9]
+    return min(lossy, key=lambda variant: variant.points / variant.max_points, default=None)
+
+
+def failures(result):
+    """Episodes that were not finished, as (variant, episode)."""
+    return [(variant, episode) for variant in result.variants for episode in variant.episodes if episode.status != "ok"]
+
+
+def standing(result):
+    """One word for a result: "refused", "failing" when something did not finish, or "ok"."""
+    if result.status == "refused":
+        return "refused"
+    timed = result.speed is not None and result.speed.status == "ok"
+    return "ok" if timed and not failures(result) else "failing"
+
+
+def spread(results):
+    """(least, lower quartile, median, upper quartile, most) of the graded points; None when nothing was graded."""
+    points = sorted(result.points for result in results if result.status == "graded")
+    if not points:
+        return None
+    quartiles = statistics.quantiles(points, n=4, method="inclusive") if len(points) > 1 else points * 3
+    return points[0], *quartiles, points[-1]
+
+
+def figure(value):
+    """A number with three significant digits; a dash for none."""
+    if value is None:
+        return "–"
+    return f"{value:.0f}" if abs(value) >= 100 and abs(value) < 1e6 else f"{value:#.3g}"
+
+
+def ratio(value, reference):
+    """How many times the reference's, as `×1.23`; a dash for none."""
+    return "–" if value is None or not reference else f"×{figure(value / reference)}"
