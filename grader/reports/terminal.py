@@ -21,33 +21,34 @@ def table(results):
     Returns
     -------
     rich.table.Table
-        Points; the first criterion of the first variant beside the reference's, the others as ratios to it; the
-        variant that lost most; CPU time as a ratio; what went wrong, in words.
+        Points; the first criterion of the first variant beside the reference's, the others as ratios to it;
+        CPU time as a ratio; the variant that lost most; whether all went well. Below it, what went wrong.
     """
     first = headline(results)
     criteria = first.criteria if first else []
-    notes = any(_note(result) for result in results)
-    rows = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
-    rows.add_column("submission", overflow="fold", ratio=None, max_width=28)
-    rows.add_column("points", justify="right", no_wrap=True)
+    rows = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, caption_justify="left", caption_style="")
+    rows.add_column("submission", overflow="fold", max_width=32)
+    most = f"\nof {results[0].max_points:g}" if results else ""
+    rows.add_column(f"points{most}", justify="right", no_wrap=True)
     for i, criterion in enumerate(criteria):
-        rows.add_column(Text(criterion.metric + ("\n(reference)" if i == 0 else "")), justify="right", no_wrap=True)
+        reference = "(reference)" if i == 0 else "to reference"
+        rows.add_column(Text(f"{criterion.metric}\n{reference}"), justify="right", no_wrap=True)
     if first:
-        rows.add_column("lost most in", overflow="fold")
-        rows.add_column("CPU", justify="right", no_wrap=True)
-    if notes:
-        rows.add_column("what went wrong", overflow="fold", min_width=20)
+        rows.add_column("CPU\nto ref.", justify="right", no_wrap=True)
+        rows.add_column("lost most\nin", overflow="fold")
+    rows.add_column("state", overflow="fold")
     for result in results:
-        cells = [result.submission, f"{result.points:.1f} / {result.max_points:g}"]
+        cells = [result.submission, f"{result.points:.1f}"]
         if first:
             cells += _criteria(result, len(criteria))
+            cells.append(ratio(result.speed.ratio if result.speed else None, 1.0))
             worst = worst_variant(result)
-            cells.append(f"{worst.name} {worst.points:.1f}/{worst.max_points:g}" if worst else "–")
-            cells.append(ratio(result.speed.ratio, 1.0) if result.speed else "–")
-        if notes:
-            cells.append(_note(result))
+            cells.append(f"{worst.name} {worst.points - worst.max_points:+.1f}" if worst else "–")
+        cells.append(_state(result))
         # Text, not str: names and messages may hold what rich takes for markup.
         rows.add_row(*map(Text, cells), style=_STYLES[standing(result)])
+    notes = [f"{result.submission}: {_shortened(result.message)}" for result in results if result.message]
+    rows.caption = Text("\n".join(notes)) if notes else None
     return rows
 
 
@@ -85,13 +86,19 @@ def _criteria(result, width):
     return [f"{figure(first.value)} ({figure(first.reference)})"] + [ratio(c.value, c.reference) for c in others]
 
 
-def _note(result):
-    note = result.message if len(result.message) <= _LONGEST_NOTE else result.message[: _LONGEST_NOTE - 1] + "…"
-    if result.status == "refused":
-        return f"refused: {note}"
-    if note or standing(result) == "ok":
-        return note
-    return f"{_count(len(failures(result)), 'episode')} failed" if failures(result) else "not timed"
+def _state(result):
+    """Whether everything went well, in words."""
+    state = standing(result)
+    if state == "failing":
+        failed = len(failures(result))
+        return (
+            f"{failed} of {sum(len(variant.episodes) for variant in result.variants)} failed" if failed else "not timed"
+        )
+    return state
+
+
+def _shortened(note):
+    return note if len(note) <= _LONGEST_NOTE else note[: _LONGEST_NOTE - 1] + "…"
 
 
 def _count(number, noun):
