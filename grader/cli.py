@@ -22,7 +22,8 @@ from grader.reports import html, terminal
 from grader.sandbox.host import SandboxError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
-console = Console()
+# Piped into a file, there is no width to ask for.
+console = Console(width=None if sys.stdout.isatty() else 110)
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
 #: Exit codes: all submissions graded; some refused; nothing done.

@@ -12,7 +12,7 @@ from grader.sandbox.host import Limits, Program, StudentError
 #: Draws that stand for a Gaussian posterior where a metric wants particles.
 GAUSSIAN_DRAWS = 2000
 #: Particles of a picture, and steps between two pictures.
-FRAME_PARTICLES, FRAME_EVERY = 120, 5
+FRAME_PARTICLES, FRAME_EVERY = 100, 5
 
 
 @dataclass(frozen=True, eq=False)

@@ -159,8 +159,8 @@ class Result:
     environment: dict = field(default_factory=dict)
 
     def to_json(self):
-        """The record as JSON text, one line per key at the top."""
-        return json.dumps(asdict(self), indent=1, allow_nan=False)
+        """The record as JSON text."""
+        return json.dumps(asdict(self), ensure_ascii=False, allow_nan=False)
 
     @classmethod
     def from_json(cls, text):

@@ -46,7 +46,7 @@ def measure_speed(server, reference_server, assignment, secret, source):
                 break
     except StudentError as error:
         status, message, pairs = error.status, error.message, []
-    ratios = [student / reference for student, reference in pairs]
+    ratios = [float(student / reference) for student, reference in pairs]
     share = (speed.none - np.median(ratios)) / (speed.none - speed.full) if pairs else 0.0
     student, reference = np.median(pairs, axis=0) if pairs else (None, None)
     return SpeedResult(

@@ -10,7 +10,7 @@ from course_lib.vacuum.world import World
 from grader.assignment import Assignment, Criterion, Speed, Variant
 
 #: Particles that stand for a posterior in the scores that cost O(N²).
-SCORED_PARTICLES = 400
+SCORED_PARTICLES = 250
 #: Truths a prediction is compared with, in the variant without readings.
 PREDICTED_TRUTHS = 300
 
@@ -88,7 +88,7 @@ def _variant(name, title, episodes, accuracy, proper, metric="best half", consta
 
 VARIANTS = (
     _variant("default", "the exercise as it is", 8, 20, 8),
-    _variant("precise", "precise sensors: w̄ = 0.2 m", 2, 3, 1, constants={"w_bar": 0.2}),
+    _variant("precise", "precise sensors: w̄ = 0.5 m", 2, 3, 1, constants={"w_bar": 0.5}),
     _variant("noisy", "noisy sensors: w̄ = 2 m", 2, 3, 1, constants={"w_bar": 2.0}),
     _variant("unmistaken", "sensors never take the wrong robot: s̄ = 0", 2, 3, 1, constants={"s_bar": 0.0}),
     _variant("mistaken", "sensors take either robot: s̄ = 0.5", 2, 3, 1, constants={"s_bar": 0.5}),
