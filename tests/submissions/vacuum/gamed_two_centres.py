@@ -6,7 +6,7 @@ from course_lib.angles import wrap
 from course_lib.filters import Step, systematic
 
 N = 2000
-K = 0.03
+K = 0.05
 
 
 def Estimator(previous, observation, control, constants, rng):
@@ -25,7 +25,7 @@ def two_centres(states):
         far = np.linalg.norm(points - points.mean(axis=0), axis=1).argmax()
         first = points[far]
         second = points[np.linalg.norm(points - first, axis=1).argmax()]
-        for _ in range(15):
+        for _ in range(5):
             nearer = np.linalg.norm(points - first, axis=1) <= np.linalg.norm(points - second, axis=1)
             if nearer.all():
                 break

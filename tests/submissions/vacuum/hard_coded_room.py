@@ -6,7 +6,7 @@ from course_lib.angles import wrap
 from course_lib.filters import systematic
 
 N = 2000
-K = 0.03
+K = 0.05
 L = 5.0
 SENSORS = np.array([[L, 0.0], [L, L], [0.0, L], [0.0, 0.0]])
 

@@ -5,7 +5,7 @@ import numpy as np
 from course_lib.angles import wrap
 
 N = 2000
-K = 0.03
+K = 0.05
 
 
 def Estimator(previous, observation, control, constants, rng):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 N = 500
-K = 0.03
+K = 0.1
 
 
 def Estimator(previous, observation, control, constants, rng):

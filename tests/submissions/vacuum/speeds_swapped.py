@@ -6,7 +6,7 @@ from course_lib.angles import wrap
 from course_lib.filters import systematic
 
 N = 2000
-K = 0.03
+K = 0.05
 
 
 def Estimator(previous, observation, control, constants, rng):
