@@ -46,7 +46,7 @@ from grader.check import Exercise
 
 def bounce(heading, normal, noise):
     """Heading after a bounce, from the heading before it, the wall's inward normal and the noise."""
-    # δ = θ⁻ - n;  α⁻ = |δ| - π/2;  α⁺ = α⁻ (1 + v);  θ⁺ = n + sgn(δ) (π/2 - α⁺)
+    # ψ = θ⁻ - φ;  α⁻ = |ψ| - π/2;  α⁺ = α⁻ (1 + v);  θ⁺ = φ + sgn(ψ) (π/2 - α⁺)
     off_normal = wrap(heading - normal)
     before = np.abs(off_normal) - np.pi / 2
     after = before * (1 + noise)
@@ -110,10 +110,10 @@ EXERCISES = (
         bounce,
         (
             "Turn the room so that every wall is the same wall: look at the heading relative to the wall's normal.",
-            r"With $\delta$ = heading - normal, wrapped, a robot that drives into the wall has $|\delta| > "
-            r"\pi/2$, and its angle to the wall is $\alpha^- = |\delta| - \pi/2$. The sign of $\delta$ says from "
-            r"which side it comes; it leaves to the other side, which has the same sign of $\delta$.",
-            r"$\theta^+ = n + \mathrm{sgn}(\delta)\,(\pi/2 - \alpha^-(1 + v))$: `wrap` it, and take `wrap` and "
+            r"With $\psi$ = heading - normal, wrapped, a robot that drives into the wall has $|\psi| > "
+            r"\pi/2$, and its angle to the wall is $\alpha^- = |\psi| - \pi/2$. The sign of $\psi$ says from "
+            r"which side it comes; it leaves to the other side, which has the same sign of $\psi$.",
+            r"$\theta^+ = \varphi + \mathrm{sgn}(\psi)\,(\pi/2 - \alpha^-(1 + v))$: `wrap` it, and take `wrap` and "
             "`np.sign` from `course_lib.angles` and NumPy.",
         ),
     ),
@@ -175,8 +175,7 @@ EXERCISES = (
             "One number u shifts all marks: (u + n) / N for n = 0 ... N - 1. `np.cumsum` gives the ends of the "
             "weights, `np.searchsorted` the weight each mark falls on.",
             "`ends = np.cumsum(weights)`; divide by `ends[-1]`, which rounding leaves beside 1; then "
-            '`np.searchsorted(ends, (rng.random() + np.arange(N)) / N, side="right")`, and for a mark that '
-            "rounding put at 1 itself, `np.minimum(..., N - 1)`.",
+            "`np.searchsorted(ends, (rng.random() + np.arange(N)) / N)`.",
         ),
     ),
     Exercise(

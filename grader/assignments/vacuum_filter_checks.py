@@ -84,14 +84,14 @@ def _likelihood_faults(observation, states, constants, expected):
     reports = np.flatnonzero(np.isfinite(observation))
     if not len(reports):
         return
+    yield model(tuned=(0, 0, 0, 0)), "Sensors 3 and 4 are read as if tuned to robot A; they are tuned to B."
+    yield model(tuned=(0, 1, 0, 1)), "S1 and S2 are tuned to A, S3 and S4 to B."
     yield (
         model(lambda right, wrong: right),
         "The mixture is missing: with probability s̄ a sensor measures the other robot.",
     )
     yield model(lambda right, wrong: right + wrong), "The two cases need their probabilities 1 - s̄ and s̄ as weights."
     yield model(swapped), "The weights of the mixture are swapped: 1 - s̄ belongs to the robot the sensor is tuned to."
-    yield model(tuned=(0, 0, 0, 0)), "Sensors 3 and 4 are read as if tuned to robot A; they are tuned to B."
-    yield model(tuned=(0, 1, 0, 1)), "S1 and S2 are tuned to A, S3 and S4 to B."
     if constants != Constants():
         yield model(told=Constants()), "The numbers are those of the default constants: read all from `constants`."
     with np.errstate(divide="ignore"):
@@ -130,7 +130,6 @@ def _likelihood_faults(observation, states, constants, expected):
 
 def systematic(function):
     """Counts of offspring: bounded in each draw, right on average, at the edges of the unit interval too."""
-    expect.repeats(lambda rng: function(np.full(20, 0.05), rng), "systematic")
     rng = np.random.default_rng(4)
     ragged = rng.dirichlet(np.full(12, 0.4))
     draws = 4000
@@ -161,20 +160,22 @@ def systematic(function):
                 f"{call}: expected {np.floor(share[i]):.0f} or {np.ceil(share[i]):.0f} offspring of index {i}, "
                 f"got {counts[d, i]:.0f}"
             )
+    many = rng.dirichlet(np.full(200, 0.4))
+    expect.repeats(lambda rng: function(many, rng), "systematic")
     weights = np.full(1000, 0.001)
     weights *= (1 - 1e-12) / weights.sum()
-    indices = expect.array(function(weights, _LargestDraw(np.random.PCG64(5))), (1000,), "systematic", kind="i")
+    indices = expect.array(function(weights, _LargeDraw(np.random.PCG64(5))), (1000,), "systematic", kind="i")
     assert indices.max() < 1000, (
-        "systematic(1000 equal weights, rng) with the largest number rng.random() may return: index 1000, one too many. "
+        "systematic(1000 weights that sum to 1 - 1e-12, rng) when rng.random() is 1 - 1e-10: index 1000, one too many\n"
         "Rounding leaves the last cumulative weight a little below 1: divide by it."
     )
 
 
-class _LargestDraw(np.random.Generator):
-    """Draws uniform numbers as close to 1 as they come."""
+class _LargeDraw(np.random.Generator):
+    """Draws uniform numbers close to 1."""
 
     def random(self, size=None, **_):
-        return (1 - 2.0**-53) * (np.ones(size) if size is not None else 1.0)
+        return (1 - 1e-10) * (np.ones(size) if size is not None else 1.0)
 
     def uniform(self, low=0.0, high=1.0, size=None):
         return low + (high - low) * self.random(size)
@@ -182,9 +183,8 @@ class _LargestDraw(np.random.Generator):
 
 def roughen(function):
     """The deviation of the jitter, column by column; walls; wrapping."""
-    n, K = 2000, 0.05
+    n, K = 5000, 0.05
     rng = np.random.default_rng(6)
-    expect.repeats(lambda g: function(np.zeros((5, 6)) + np.arange(5)[:, None] / 5, K, Constants(), g), "roughen")
     for constants in (Constants(), Constants(L=10.0, length=2.0)):
         centre = np.array([*constants.room / 2, 0.0, *constants.room / 2, 0.0])
         extent = np.array([1.0, 0.6, 1.5, 0.8, 1.2, 0.9])
@@ -215,13 +215,13 @@ def roughen(function):
             (expected, "K E N^(-1/6) is the standard deviation: it is squared here."),
             (np.full(6, 1 / np.sqrt(3)), "The jitter is uniform; Gordon's is normal."),
         ]:
-            # The deviation of 2000 normal numbers is known to 1.6 %; 6.3 times that.
-            if np.allclose(deviation, ratio * expected, rtol=0.1, atol=1e-12):
+            # The deviation of 5000 normal numbers is known to 1 %; 7 times that.
+            if np.allclose(deviation, ratio * expected, rtol=0.07, atol=1e-12):
                 raise AssertionError(
                     f"{name}\n{call}: standard deviation per column: expected {np.round(expected, 4).tolist()}, "
                     f"got {np.round(deviation, 4).tolist()}"
                 )
-        assert np.allclose(deviation, expected, rtol=0.1), (
+        assert np.allclose(deviation, expected, rtol=0.07), (
             f"{call}: standard deviation of the jitter per column:\nexpected {np.round(expected, 4).tolist()}\n"
             f"got {np.round(deviation, 4).tolist()}"
         )
@@ -245,6 +245,7 @@ def roughen(function):
         turned = got[:, [2, 5]]
         loose = (turned < -np.pi) | (turned >= np.pi)
         assert not loose.any(), f"{call}: heading {turned[loose][0]:.4f} is not wrapped to [-π, π)"
+    expect.repeats(lambda rng: function(states, K, Constants(), rng), "roughen")
 
 
 #: Runs of the last check, and what passes: the exercise sheet's 0.4 m and one standard deviation of a mean over them.
@@ -331,7 +332,10 @@ def _read(posterior, constants, call):
     if isinstance(posterior, Step):
         posterior = posterior.posterior
     pair = isinstance(posterior, tuple) and len(posterior) == 2
-    states = np.asarray(posterior[0] if pair else posterior)
+    try:
+        states = np.asarray(posterior[0] if pair else posterior)
+    except ValueError:
+        states = np.empty(0)
     assert states.ndim == 2 and states.shape[1] == 6 and len(states), (
         f"{call}: expected Particles(states, log_weights) or an array (N, 6), got "
         f"{'states of ' if pair else ''}{f'shape {states.shape}' if states.ndim else type(posterior).__name__}"

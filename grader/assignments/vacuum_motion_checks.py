@@ -100,7 +100,6 @@ def bounce(function):
 def sample_prior(function):
     """Corners, their combinations, headings: where they may be, and how often."""
     n = 4000
-    expect.repeats(lambda rng: function(50, Constants(), rng), "sample_prior")
     for constants in (Constants(), OTHER_ROOM):
         room = "the room of {:g} m x {:g} m".format(*constants.room)
         call = f"sample_prior({n}, constants, rng) in {room}"
@@ -146,6 +145,7 @@ def sample_prior(function):
             )
         # Of independent uniforms, the correlation is normal with standard deviation n^(-1/2): 6.3 of these.
         assert abs(np.corrcoef(quarter.T)[0, 1]) < 0.1, "The headings of A and B depend on each other; draw both"
+    expect.repeats(lambda rng: function(50, Constants(), rng), "sample_prior")
 
 
 def drive(function):
@@ -258,12 +258,14 @@ def _first_wall(x, y, heading, distance, constants):
 
 def _same_positions(got, expected, call, faults, rows, example):
     apart = np.linalg.norm(got - expected, axis=1)
-    if not len(apart) or apart.max() < 1e-6:
+    off = apart > 1e-6
+    if not off.any():
         return
     message = f"{call}: {example(np.argmax(apart))}"
     complex_got = got[:, 0] + 1j * got[:, 1]
     for wrong, name in faults:
-        if wrong is None or np.allclose(complex_got, wrong[rows], atol=1e-6):
+        # A fault need not explain every robot: one that takes a wrong way meets other walls.
+        if wrong is None or np.mean(np.abs(complex_got - wrong[rows])[off] < 1e-6) > 0.5:
             raise AssertionError(f"{name}\n{message}")
     raise AssertionError(message)
 
