@@ -163,7 +163,9 @@ class Server:
         _remove(self.directory)
 
     def ask(self, do, descriptors=(), **details):
-        """Send the fork server a request and return its answer; SandboxError if there is none."""
+        """Send the fork server a request and return its answer; without one, close and raise SandboxError."""
+        if self._process is None:
+            raise SandboxError("the fork server is closed")
         self._count += 1
         request = json.dumps({"id": self._count, "do": do, **details}).encode() + b"\n"
         try:
@@ -174,7 +176,12 @@ class Server:
             socket.send_fds(self._control, [request], list(descriptors))
             return self._answer(self._count, ANSWER_SECONDS)
         except OSError as error:
-            raise SandboxError(f"the fork server did not answer ({error}){self._last_words()}") from error
+            message = f"the fork server did not answer ({error}){self._last_words()}"
+            self.close()
+            raise SandboxError(message) from error
+        except SandboxError:
+            self.close()
+            raise
 
     def _launch(self):
         """Start the process; the modules are imported while the caller goes on."""
@@ -297,7 +304,10 @@ class Worker:
 
     def close(self):
         """Kill the process and all that it started, and remove its directory; idempotent."""
-        self._end(0.0)
+        try:
+            self._end(0.0)
+        except SandboxError:
+            pass  # a fork server that is gone has taken its workers with it
 
     def _signal(self, number):
         # The process stays at least a zombie until `_end`, so that its number is nobody else's.
@@ -358,7 +368,7 @@ class Worker:
             if kind == wire.ARRAYS:
                 answered, posterior = wire.decode_posterior(wire.decode_arrays(payload))
                 if answered != token:
-                    raise wire.WireError("it answers another step")
+                    raise wire.WireError("an answer to another step")
                 return check(posterior, self._dimension, limits.particles)
             status, message = _confession(wire.decode_text(payload))
         except TimeoutError:
@@ -371,7 +381,7 @@ class Worker:
         except PosteriorError as error:
             self._fail("invalid posterior", f"step {step}: {error}")
         except wire.WireError as error:
-            self._fail("invalid posterior", f"step {step}: the answer is no posterior: {error}")
+            self._fail("invalid posterior", f"step {step}: expected a posterior, got {error}")
         verbs = {"crashed": "crashed", "exited": "ended the process", "memory": "ran out of memory"}
         if status in verbs:
             self._fail(status, f"{name} {verbs[status]} at step {step}: {message}")

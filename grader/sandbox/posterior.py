@@ -67,7 +67,8 @@ def _check_target(target, dimension, most):
         raise PosteriorError("a log-weight is +inf: log-weights are the logarithms of weights")
     if largest == -np.inf:
         raise PosteriorError("all log-weights are -inf: no particle has any weight")
-    return Particles(states, normalise(log_weights)[0])
+    with np.errstate(over="ignore"):
+        return Particles(states, normalise(log_weights)[0])
 
 
 def _check_gaussian(gaussian, dimension):
@@ -78,12 +79,14 @@ def _check_gaussian(gaussian, dimension):
         raise PosteriorError(f"expected a covariance of shape ({dimension}, {dimension}), got {covariance.shape}")
     _check_finite(mean, "the mean")
     _check_finite(covariance, "the covariance")
-    scale = np.abs(covariance).max()
-    if np.abs(covariance - covariance.T).max() > 1e-6 * scale:
+    scale = np.abs(covariance).max() or 1.0
+    # Scaled to at most one, no entry can overflow.
+    scaled = covariance / scale
+    if np.abs(scaled - scaled.T).max() > 1e-6:
         raise PosteriorError("the covariance is not symmetric")
-    smallest = np.linalg.eigvalsh(covariance)[0]
-    if smallest < -1e-6 * scale:
-        raise PosteriorError(f"the covariance has a negative eigenvalue, {smallest:.3g}")
+    smallest = np.linalg.eigvalsh(scaled)[0]
+    if smallest < -1e-6:
+        raise PosteriorError(f"the covariance has a negative eigenvalue, {scale * smallest:.3g}")
     return gaussian
 
 

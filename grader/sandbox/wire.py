@@ -109,7 +109,7 @@ def decode_arrays(payload):
         Anything but what `encode_arrays` writes.
     """
     if len(payload) % 8:
-        raise WireError(f"{len(payload)} bytes are not whole words")
+        raise WireError(f"{len(payload)} bytes, which are no whole words")
     words, numbers = np.frombuffer(payload, "<u8"), np.frombuffer(payload, "<f8")
     position = 0
 
@@ -122,16 +122,16 @@ def decode_arrays(payload):
 
     count = int(words[take(1)][0])
     if count > MAX_ARRAYS:
-        raise WireError(f"{count} arrays in a frame, at most {MAX_ARRAYS} may be")
+        raise WireError(f"{count} arrays, at most {MAX_ARRAYS} may be")
     arrays = []
     for _ in range(count):
         dimensions = int(words[take(1)][0])
         if dimensions > MAX_DIMENSIONS:
             raise WireError(f"an array of {dimensions} dimensions, at most {MAX_DIMENSIONS} may be")
         shape = [int(extent) for extent in words[take(dimensions)]]
-        # An empty array may not hide extents that no array of this frame could have.
-        if math.prod(max(extent, 1) for extent in shape) > max(len(words), 1):
-            raise WireError("an array larger than its frame")
+        # An empty array needs no data, whatever its other extents claim: numpy could not even address these.
+        if math.prod(max(extent, 1) for extent in shape) > 2**48:
+            raise WireError("an array larger than any memory")
         arrays.append(numbers[take(math.prod(shape))].reshape(shape))
     if position != len(words):
         raise WireError("a frame longer than it says")
@@ -211,7 +211,7 @@ def decode_posterior(arrays):
     if next(rest, None) is not None:
         raise WireError("a posterior with a part too many")
     if several not in (0.0, 1.0) or (not several and len(targets) != 1):
-        raise WireError("neither one target nor a list")
+        raise WireError("neither one target nor a list of them")
     return token, targets if several else targets[0]
 
 

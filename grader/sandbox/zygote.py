@@ -72,7 +72,7 @@ def _requests(control):
 
 
 def _import(request):
-    for name in [*COMMON, *request["modules"]]:
+    for name in [*request["modules"], *COMMON]:
         importlib.import_module(name)
     if sys.platform == "linux":
         # Orphans of a worker become children of this process, where _end finds them.
