@@ -214,11 +214,11 @@ def _pack_cloud(cloud):
 
 
 def _round_up(value):
-    """The next of 1, 2, 5, 10, ..., times a power of ten."""
+    """The next of 1, 2, 4, 6, 8 or 10 times a power of ten: half of it is a round number too."""
     if not value > 0.0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
-    return float(next(step * power for step in (1.0, 1.5, 2.0, 3.0, 5.0, 7.5, 10.0) if step * power >= value * 0.9999))
+    return float(next(step * power for step in (1.0, 2.0, 4.0, 6.0, 8.0, 10.0) if step * power >= value * 0.9999))
 
 
 def _fingerprint(script):

@@ -31,8 +31,8 @@ def table(results):
     most = f"\nof {results[0].max_points:g}" if results else ""
     rows.add_column(f"points{most}", justify="right", no_wrap=True)
     for i, criterion in enumerate(criteria):
-        reference = "(reference)" if i == 0 else "to reference"
-        rows.add_column(Text(f"{criterion.metric}\n{reference}"), justify="right", no_wrap=True)
+        words = [*criterion.metric.split(), "(reference)" if i == 0 else "to ref."]
+        rows.add_column(Text("\n".join(words)), justify="right", no_wrap=True)
     if first:
         rows.add_column("CPU\nto ref.", justify="right", no_wrap=True)
         rows.add_column("lost most\nin", overflow="fold")
