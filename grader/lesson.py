@@ -8,7 +8,7 @@ r"""A lesson's one source, and the two notebooks it stands for.
   `:points:` says. Unless it has hidden tests of its own, it gets `assert check.passed("bounce")` as one, without
   which nbgrader would grant the point to anyone.
 * `### BEGIN HIDDEN TESTS` / `### END HIDDEN TESTS` may stand in such a cell only; students do not see the region.
-* An equation is numbered by `\tag{3}` and cited as `eq. (3)`.
+* An equation is numbered by `\tag{3}` and cited as `eq. (3)`, several as `eqs. (3) and (4)` or `eqs. (3) to (5)`.
 
 The worked notebook is what `nbgrader generate_assignment` reads, and the student copy is what it would write.
 """
@@ -120,7 +120,11 @@ def missing_equations(text, citing=None):
         In order of citation.
     """
     there = set(re.findall(r"\\tag\{([^{}]+)\}", text))
-    cited = re.findall(r"\beqs?\. \(([^()]+)\)", text if citing is None else citing)
+    # "eq. (3)", "eqs. (6) and (7)", "eqs. (6) to (9)"
+    citations = re.findall(
+        r"\b[Ee]qs?\. (\([^()]+\)(?:(?:, | and | to )\([^()]+\))*)", text if citing is None else citing
+    )
+    cited = re.findall(r"\(([^()]+)\)", " ".join(citations))
     return [number for number in dict.fromkeys(cited) if number not in there]
 
 

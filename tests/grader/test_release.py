@@ -162,7 +162,8 @@ def test_a_cell_keeps_its_id_when_others_come_and_go(released, tmp_path):
 def test_the_student_copy_has_stubs_and_no_outputs(released):
     worked, student = (load(path) for path in products(released[0]))
     assert student.cells[2].source == (
-        "def double(x):\n    # eq. (1)\n    if x:\n        # YOUR CODE HERE\n        raise NotImplementedError()\n    return 0"
+        "def double(x):\n    # eq. (1)\n    if x:\n"
+        "        # YOUR CODE HERE\n        raise NotImplementedError()\n    return 0"
     )
     assert student.cells[3].source == 'double = check("double", double)'
     assert worked.cells[3].source == (
@@ -310,6 +311,7 @@ def test_a_notebook_that_is_too_large_is_refused(copied, monkeypatch):
 def test_a_cited_equation_must_exist():
     text = r"$$a \tag{1}$$ $$b \tag{2a}$$ by eq. (1) and eq. (2a), # eq. (4); see (7) and eq. (4)"
     assert missing_equations(text) == ["4"]
+    assert missing_equations(text + " eqs. (1) and (5), eqs. (6) to (8)") == ["4", "5", "6", "8"]
     assert missing_equations(text, citing="# eq. (9)\n# eq. (1)") == ["9"]
 
 
