@@ -6,7 +6,6 @@ Deadlines, CPU time, the shape of a posterior and its values are all measured or
 import json
 import os
 import secrets
-import shutil
 import signal
 import socket
 import subprocess
@@ -22,6 +21,7 @@ import numpy as np
 from grader.sandbox import wire
 from grader.sandbox.channel import Channel, Flooded, HungUp
 from grader.sandbox.posterior import PosteriorError, check
+from grader.sandbox.zygote import remove
 
 #: Characters that are kept of what a program says of its own failure.
 KEPT_CHARACTERS = 500
@@ -160,7 +160,7 @@ class Server:
             process.kill()
             process.wait()
         self._log.close()
-        _remove(self.directory)
+        remove(self.directory)
 
     def ask(self, do, descriptors=(), **details):
         """Send the fork server a request and return its answer; without one, close and raise SandboxError."""
@@ -327,7 +327,7 @@ class Worker:
             return self._server.ask("end", pid=pid, grace=grace)["status"]
         finally:
             self._channel.close()
-            _remove(directory)
+            remove(directory)
 
     def _fail(self, status, message):
         self.close()
@@ -438,14 +438,3 @@ def _process_cpu_seconds(pid):
 
     used = psutil.Process(pid).cpu_times()
     return used.user + used.system
-
-
-def _remove(directory):
-    """Remove a directory that an untrusted program could write to."""
-    # Directories it has closed to us are opened first; links are left alone.
-    for path, names, _ in os.walk(directory):
-        for name in names:
-            inner = os.path.join(path, name)
-            if not os.path.islink(inner):
-                os.chmod(inner, 0o700)
-    shutil.rmtree(directory, ignore_errors=True)

@@ -42,7 +42,25 @@ def main():
         pass  # the host is gone
     for pid in list(workers):
         _end(pid, 0.0, workers)
+    remove(directory)
+
+
+def remove(directory):
+    """Remove a directory in which an untrusted program could write, if it is still there."""
+    # What it has closed to us is opened first; links are left alone.
+    _open(directory)
+    for path, names, _ in os.walk(directory):
+        for name in names:
+            _open(os.path.join(path, name))
     shutil.rmtree(directory, ignore_errors=True)
+
+
+def _open(directory):
+    try:
+        if not os.path.islink(directory):
+            os.chmod(directory, 0o700)
+    except OSError:
+        pass  # not there, or not ours: rmtree does what it can
 
 
 def _answer(request, descriptors, workers):

@@ -191,6 +191,7 @@ def test_a_crash_names_the_line_of_the_student(server):
         ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "crashed", "was killed at step 0 by SIGSEGV"),
         ("import os; os.closerange(3, 9)\n" + CLOUD, "exited", "at step 0"),
         ("import os, time; os.close(4); time.sleep(60)", "exited", "closed its connection at step 0"),
+        ("import os, shutil; shutil.rmtree(os.getcwd()); 1 / 0", "crashed", "ZeroDivisionError"),
         (estimator("raise MemoryError"), "memory", "Estimator ran out of memory at step 0: MemoryError (line 2"),
         (estimator("return None"), "invalid posterior", "step 0: expected Particles, an (N, d) array, a Gaussian or"),
         (estimator("return rng.normal(size=(2, 9))"), "invalid posterior", "step 0: expected particles of shape"),
@@ -341,7 +342,8 @@ FAMILY = "import os, signal, sys, time\n" + estimator(
     "        time.sleep(600)",
     "        os._exit(0)",
     "time.sleep(0.3)",
-    "os.mkdir('closed'); open('closed/file', 'w').close(); os.symlink('/', 'closed/root'); os.chmod('closed', 0)",
+    "os.mkdir('closed'); open('closed/file', 'w').close(); os.symlink('/', 'closed/root')",
+    "os.chmod('closed', 0); os.chmod('.', 0)",
     "return rng.normal(size=(3, 2))",
 )
 
