@@ -145,6 +145,8 @@ def _execute(lesson, root, progress):
         resources={"metadata": {"path": str(lesson.source.parent)}},
         record_timing=False,
         coalesce_streams=True,
+        # Without its warning that the connection to this very machine is not encrypted.
+        extra_arguments=["--log-level=ERROR"],
         on_cell_start=begins,
     )
     try:
