@@ -1,6 +1,7 @@
 """From a notebook to a program: the entry point and what it needs, found by reading the notebook, not by running it."""
 
 import ast
+import itertools
 import json
 import re
 import symtable
@@ -44,7 +45,7 @@ def extract(content, entry_point, size_limit):
     Returns
     -------
     str
-        Python source, each statement after a comment that names its code cell.
+        Python source; a comment names the code cell that follows.
 
     Raises
     ------
@@ -70,7 +71,10 @@ def extract(content, entry_point, size_limit):
             raise SyntaxError(f"{error.msg} in code cell {number}", (None, error.lineno, error.offset, error.text))
     # A __future__ import is only allowed at the start of a file.
     kept.sort(key=lambda statement: not _is_future(statement.node))
-    return "".join(f"# code cell {statement.cell}\n{statement.text}\n" for statement in kept)
+    lines = []
+    for cell, group in itertools.groupby(kept, key=lambda statement: statement.cell):
+        lines += [f"# code cell {cell}", *(statement.text for statement in group)]
+    return "".join(f"{line}\n" for line in lines)
 
 
 def code_cells(content):

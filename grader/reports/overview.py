@@ -9,9 +9,9 @@ def headline(results):
 
 
 def worst_variant(result):
-    """The variant with the smallest share of its points, None when nothing was lost."""
+    """The variant in which most points were lost, None when none were."""
     lossy = [variant for variant in result.variants if variant.points < variant.max_points - 1e-9]
-    return min(lossy, key=lambda variant: variant.points / variant.max_points, default=None)
+    return max(lossy, key=lambda variant: variant.max_points - variant.points, default=None)
 
 
 def failures(result):

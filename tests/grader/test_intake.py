@@ -188,7 +188,7 @@ def test_a_notebook_keeps_what_the_entry_point_needs_and_nothing_else(tmp_path):
         "# code cell 3\ndef bounce_noise(p):\n    return np.cbrt(p)",
         "# code cell 5\ndef step(x):\n    # SEED is local\n    SEED = x\n    return bounce_noise(SEED)",
         "# code cell 7\ntable = {}",
-        "# code cell 7\nfor i in range(SIZE):\n    table[i] = step(i)",
+        "for i in range(SIZE):\n    table[i] = step(i)",
         f"# code cell 8\ndef {SIGNATURE}:\n    return table",
     ]
     assert submission.source == "\n".join(expected) + "\n"

@@ -240,8 +240,8 @@ def test_overview():
     assert overview.standing(make()) == "ok"
     assert overview.standing(make(failing=True)) == overview.standing(make(speed=None)) == "failing"
     assert overview.standing(refuse()) == "refused"
-    assert overview.worst_variant(make(points=30.0)).name == "default"
-    assert overview.worst_variant(make(points=70.0)).name == "silent"
+    assert overview.worst_variant(make(points=70.0)).name == "default"
+    assert overview.worst_variant(make(points=90.0)).name == "silent"
     assert overview.spread([refuse(), *(make(points=p) for p in (10.0, 20.0, 30.0, 40.0, 50.0))]) == (
         10,
         20,
@@ -267,7 +267,7 @@ def test_table_fits_a_hundred_columns_and_says_failures_in_words():
     text = printed(terminal.table(results))
     assert max(map(len, text.splitlines())) <= 100
     words = " ".join(text.split())
-    assert "0.400 (0.300) ×2.00 ×2.00 silent -10.0 ok" in words
+    assert "0.400 (0.300) ×2.00 ×2.00 default -20.0 ok" in words
     assert "– refused" in words and "not timed" in words and "1 of 3 failed" in words
     assert "ben: defines no Estimator" in words and "line 3: KeyError: 'x'" in words
 
