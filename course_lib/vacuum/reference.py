@@ -17,9 +17,9 @@ from course_lib.vacuum import models
 from course_lib.vacuum.models import _bounce, _to_wall
 
 #: Particles in the cloud, each a pair of robots.
-COUNT = 30_000
+COUNT = 25_000
 #: Particles in the posterior that is returned.
-RETURNED = 10_000
+RETURNED = 5_000
 #: Resample when the effective sample size falls below this share of the cloud.
 THRESHOLD = 0.5
 #: Copies are turned by up to this many times the spacing of headings in the cloud.
@@ -119,8 +119,11 @@ def _weighed(cloud, observation, constants):
 def _thinned(cloud, rng):
     """`RETURNED` particles of equal weight that stand for the cloud."""
     drawn = offspring(cloud.weights, rng.random(), RETURNED)
-    states = np.take(cloud.robots[:, :3].reshape(6, COUNT), drawn, axis=1, mode="clip").T
-    return Particles(np.ascontiguousarray(states), np.full(RETURNED, -np.log(RETURNED)))
+    states = np.empty((RETURNED, 6))
+    for robot in (0, 1):
+        for row in (X, Y, HEADING):
+            states[:, 3 * robot + row] = cloud.robots[robot, row].take(drawn)
+    return Particles(states, np.full(RETURNED, -np.log(RETURNED)))
 
 
 @njit(_INDICES(_COLUMN, _FLOAT, types.int64), cache=True)
@@ -265,10 +268,13 @@ def weigh(weights, tuned_to, other, reading, sensor_x, sensor_y, w_bar, s_bar):
     s_bar : float
         Probability that the sensor measures the wrong robot.
     """
+    right_x, right_y, wrong_x, wrong_y = tuned_to[X], tuned_to[Y], other[X], other[Y]
+    scale = 1.0 / w_bar
+    right_share, wrong_share = (1.0 - s_bar) * scale, s_bar * scale
     for i in range(weights.size):
-        right = np.sqrt((tuned_to[X, i] - sensor_x) ** 2 + (tuned_to[Y, i] - sensor_y) ** 2)
-        wrong = np.sqrt((other[X, i] - sensor_x) ** 2 + (other[Y, i] - sensor_y) ** 2)
+        right = np.sqrt((right_x[i] - sensor_x) ** 2 + (right_y[i] - sensor_y) ** 2)
+        wrong = np.sqrt((wrong_x[i] - sensor_x) ** 2 + (wrong_y[i] - sensor_y) ** 2)
         # f(z | p) = (1 - s̄) f_w(z - d_right) + s̄ f_w(z - d_wrong),  f_w(w) = max(1 - |w| / w̄, 0) / w̄
-        density_right = max(1.0 - abs(reading - right) / w_bar, 0.0) / w_bar
-        density_wrong = max(1.0 - abs(reading - wrong) / w_bar, 0.0) / w_bar
-        weights[i] *= (1.0 - s_bar) * density_right + s_bar * density_wrong
+        weights[i] *= right_share * max(1.0 - abs(reading - right) * scale, 0.0) + wrong_share * max(
+            1.0 - abs(reading - wrong) * scale, 0.0
+        )

@@ -1,0 +1,35 @@
+"""`make bench`: every benchmark, or those named: `python -m tests.benchmarks speed optimality --runs 2`."""
+
+import argparse
+
+from rich.console import Console
+
+from tests.benchmarks import accuracy, speed
+
+#: Benchmark and the number of runs it takes.
+BENCHMARKS = {
+    "speed": (speed.speed, 3),
+    "defaults": (accuracy.defaults, 200),
+    "variants": (accuracy.variants, 20),
+    "optimality": (accuracy.optimality, 50),
+}
+
+
+def main():
+    """Run the benchmarks that were asked for."""
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description="Accuracy and speed.")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"any of {', '.join(BENCHMARKS)}; all when left out")
+    parser.add_argument("--runs", type=int, help="recorded runs per benchmark (at least 2), in place of its own number")
+    arguments = parser.parse_args()
+    if unknown := set(arguments.names) - set(BENCHMARKS):
+        parser.error(f"no benchmark called {', '.join(sorted(unknown))}: choose from {', '.join(BENCHMARKS)}")
+    if arguments.runs is not None and arguments.runs < 2:
+        parser.error("--runs must be at least 2: one run has no standard deviation")
+    console = Console()
+    for name in arguments.names or BENCHMARKS:
+        benchmark, runs = BENCHMARKS[name]
+        benchmark(console, arguments.runs or runs)
+
+
+if __name__ == "__main__":
+    main()
