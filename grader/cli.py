@@ -54,22 +54,23 @@ def grade(
     chosen = _choose(assignment)
     key = _read_secret(secret)
     programs, refusals = intake.gather(submissions, chosen)
-    _writable(output)
     for refusal in refusals:
         errors.print(f"{refusal.path}: {refusal.reason}", style="red", markup=False)
+    if not programs:
+        raise typer.Exit(NOTHING_DONE)
+    _writable(output)
     results = [refused(refusal, chosen, key) for refusal in refusals]
     for result in results:
         _store(result, output)
-    if programs:
-        results += _run(programs, chosen, key, jobs, output)
-        results.sort(key=lambda result: (-result.points, result.submission))
-        console.print(terminal.table(results))
-        console.print(terminal.summary(results))
+    results += _run(programs, chosen, key, jobs, output)
+    results.sort(key=lambda result: (-result.points, result.submission))
+    console.print(terminal.table(results))
+    console.print(terminal.summary(results))
     with _storing(output):
         html.write(results, output / "report.html", title=chosen.title, when=date.today().isoformat())
     console.print(f"Report: {output / 'report.html'}", soft_wrap=True, markup=False)
     if refusals:
-        raise typer.Exit(SOME_REFUSED if programs else NOTHING_DONE)
+        raise typer.Exit(SOME_REFUSED)
 
 
 @app.command()

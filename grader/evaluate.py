@@ -7,7 +7,7 @@ import numpy as np
 from course_lib.filters import Gaussian, Particles, equally_weighted
 from course_lib.scoring import thin
 from grader.assignment import episode_seed
-from grader.sandbox.host import Limits, Program, StudentError
+from grader.sandbox.host import Limits, Program, SandboxError, StudentError
 
 #: Draws that stand for a Gaussian posterior where a metric wants particles.
 GAUSSIAN_DRAWS = 2000
@@ -100,8 +100,20 @@ def evaluate(server, assignment, variant, episode, secret, source=None):
     Raises
     ------
     grader.sandbox.host.SandboxError
-        The sandbox itself does not work.
+        The sandbox broke under the reference: it does not work at all. When it breaks twice under a submission, that
+        submission broke it.
     """
+    for _ in range(2):
+        try:
+            return _replay(server, assignment, variant, episode, secret, source)
+        except SandboxError as error:
+            if source is None:
+                raise
+            message = f"the sandbox broke twice while this program ran: {error}"
+    return Outcome("sandbox", message, {})
+
+
+def _replay(server, assignment, variant, episode, secret, source):
     run = recorded_run(assignment, variant, episode, secret)
     rng = np.random.default_rng(episode_seed(secret, assignment.name, variant.name, episode, "score"))
     steps, frames = [], []

@@ -11,7 +11,7 @@ from grader.evaluate import Outcome, evaluate, recorded_run
 from grader.result import CriterionResult, Episode, Result, Trace, VariantResult
 from grader.timing import measure_speed
 
-#: After this many episodes that ran out of time the rest are not run: they would take as long.
+#: After this many episodes that ran out of time or broke the sandbox the rest are not run: they would take as long.
 PATIENCE = 2
 
 
@@ -66,14 +66,16 @@ def grade(submission, assignment, server, reference_server, references, secret, 
     Result
     """
     outcomes = {variant.name: [] for variant in assignment.variants}
-    timeouts = 0
+    costly = 0
     for variant in assignment.variants:
         for episode in range(variant.episodes):
-            if timeouts < PATIENCE:
+            if costly < PATIENCE:
                 outcome = evaluate(server, assignment, variant, episode, secret, submission.source)
             else:
-                outcome = Outcome("timeout", f"not run: {PATIENCE} earlier episodes ran out of time", {})
-            timeouts += outcome.status == "timeout"
+                outcome = Outcome(
+                    "timeout", f"not run: {PATIENCE} earlier episodes ran out of time or broke the sandbox", {}
+                )
+            costly += outcome.status in ("timeout", "sandbox")
             outcomes[variant.name].append(outcome)
     variants = [
         _variant_result(variant, outcomes[variant.name], references[variant.name]) for variant in assignment.variants

@@ -12,7 +12,8 @@ class Episode:
     ----------
     index : int
     status : str
-        "ok", or why it earned nothing: "crashed", "timeout", "invalid posterior", "flooded", "exited", "memory".
+        "ok", or why it earned nothing: "crashed", "timeout", "invalid posterior", "flooded", "exited", "memory", or
+        "sandbox" when it broke what it ran in.
     message : str
         One line for the student; empty when all went well.
     values, reference : dict of str to float

@@ -4,7 +4,7 @@ import numpy as np
 
 from grader.evaluate import limits, program, recorded_run
 from grader.result import SpeedResult
-from grader.sandbox.host import StudentError
+from grader.sandbox.host import SandboxError, StudentError
 
 #: Fresh pairs of processes; the median of their ratios counts.
 PAIRS = 3
@@ -29,12 +29,7 @@ def measure_speed(server, reference_server, assignment, secret, source):
     Returns
     -------
     SpeedResult
-        No points when the submission fails in the timed run.
-
-    Raises
-    ------
-    grader.sandbox.host.SandboxError
-        The sandbox itself does not work.
+        No points when the submission fails in the timed run, or breaks its sandbox.
     """
     speed = assignment.speed
     pairs = []
@@ -46,6 +41,8 @@ def measure_speed(server, reference_server, assignment, secret, source):
                 break
     except StudentError as error:
         status, message, pairs = error.status, error.message, []
+    except SandboxError as error:
+        status, message, pairs = "sandbox", f"the sandbox broke while this program was timed: {error}", []
     ratios = [float(student / reference) for student, reference in pairs]
     share = (speed.none - np.median(ratios)) / (speed.none - speed.full) if pairs else 0.0
     student, reference = np.median(pairs, axis=0) if pairs else (None, None)

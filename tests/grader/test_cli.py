@@ -1,0 +1,83 @@
+"""What an instructor meets at the command line: above all, what goes wrong."""
+
+import pytest
+from typer.testing import CliRunner
+
+from grader.cli import NOTHING_DONE, app
+
+ESTIMATOR = "def Estimator(previous, observation, control, constants, rng):\n    return [[0.0] * 6]\n"
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return lambda *words: CliRunner().invoke(app, [str(word) for word in words])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("essay.docx", b"PK", "essay.docx"),
+        ("broken.py", b"def Estimator(:\n", "line 1"),
+        ("empty.py", b"", "Estimator"),
+        ("other.py", b"def estimator(a):\n    return a\n", "Estimator"),
+        (
+            "short.py",
+            b"def Estimator(previous, observation):\n    return previous\n",
+            "(previous, observation, control",
+        ),
+        ("torn.ipynb", b'{"cells": [', "torn.ipynb"),
+        ("noise.py", bytes(range(128, 256)), "noise.py"),
+    ],
+)
+def test_a_bad_file_is_one_line_and_leaves_nothing(run, tmp_path, name, content, words):
+    (tmp_path / name).write_bytes(content)
+    result = run("grade", name)
+    assert result.exit_code == NOTHING_DONE
+    assert words in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "grades").exists()
+
+
+def test_an_empty_folder(run, tmp_path):
+    (tmp_path / "class").mkdir()
+    result = run("grade", "class")
+    assert result.exit_code == NOTHING_DONE
+    assert "class" in result.stderr and len(result.stderr.strip().splitlines()) == 1
+
+
+def test_a_path_that_is_not_there(run):
+    result = run("grade", "nobody.py")
+    assert result.exit_code == NOTHING_DONE
+    assert "nobody.py" in result.stderr and len(result.stderr.strip().splitlines()) == 1
+
+
+def test_an_output_that_cannot_be_written_is_found_before_grading(run, tmp_path):
+    (tmp_path / "good.py").write_text(ESTIMATOR)
+    (tmp_path / "taken").write_text("a file, not a folder")
+    result = run("grade", "good.py", "--output", "taken")
+    assert result.exit_code == NOTHING_DONE
+    assert "cannot write to taken" in result.stderr and len(result.stderr.strip().splitlines()) == 1
+    assert (tmp_path / "taken").read_text() == "a file, not a folder"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--assignment", "juggling"], "one of vacuum"),
+        (["--secret", "missing"], "cannot read the secret missing"),
+        (["--secret", "short"], "5 bytes"),
+    ],
+)
+def test_options_that_make_no_sense(run, tmp_path, words, message):
+    (tmp_path / "good.py").write_text(ESTIMATOR)
+    (tmp_path / "short").write_text("12345")
+    result = run("grade", "good.py", *words)
+    assert result.exit_code == NOTHING_DONE
+    assert message in result.stderr and len(result.stderr.strip().splitlines()) == 1
+
+
+def test_release_outside_a_course(run):
+    result = run("release", "--check")
+    assert result.exit_code == NOTHING_DONE
+    assert "solutions" in result.stderr
