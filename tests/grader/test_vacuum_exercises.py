@@ -249,7 +249,7 @@ WRONG = [
     ("bounce-noise", lambda p, v: np.cbrt(2 * p - 1), "does not depend on v_bar"),
     ("bounce-noise", lambda p, v: v * np.cbrt(p), "never negative"),
     ("bounce-noise", lambda p, v: v * np.cbrt(1 - 2 * p), "sign is wrong"),
-    ("bounce-noise", lambda p, v: 0 * p / v + _noise(p, v), "values are nan"),
+    ("bounce-noise", lambda p, v: _noise(p, v) if v else np.nan * p, "values are nan"),
     ("bounce-noise", lambda p, v: np.array([_noise(q, v) for q in p.ravel()]), "expected shape (2, 4), got (8,)"),
     ("bounce", lambda h, n, v: h, "drives on into the wall"),
     ("bounce", lambda h, n, v: wrap(h + np.pi), "turns back"),
