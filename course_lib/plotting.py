@@ -23,7 +23,7 @@ BLACK, ORANGE, SKY_BLUE, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = PALETTE = (
     "#CC79A7",
 )
 
-#: What every figure of the course shares; `plt.rcParams.update(STYLE)` makes it the default.
+#: What every figure of the course shares.
 STYLE = {
     "axes.prop_cycle": cycler(color=[BLUE, VERMILLION, GREEN, ORANGE, PURPLE, SKY_BLUE, BLACK]),
     "axes.spines.top": False,
@@ -32,7 +32,6 @@ STYLE = {
     "axes.axisbelow": True,
     "grid.color": "#dddddd",
     "grid.linewidth": 0.6,
-    "legend.frameon": False,
     "font.size": 10,
     "figure.constrained_layout.use": True,
 }

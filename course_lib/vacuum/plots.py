@@ -58,7 +58,7 @@ def trajectories(axes, truth, constants):
         axes.plot(x[-1], y[-1], marker, color=colour, markersize=9, markeredgecolor=BLACK, label=f"robot {name}")
 
 
-def clouds(axes, particles, truth, constants, size=400):
+def clouds(axes, particles, truth, constants, size=400, dot=3):
     """Draw the room, both robots' particles, and the robots themselves.
 
     Parameters
@@ -70,6 +70,8 @@ def clouds(axes, particles, truth, constants, size=400):
     constants : Constants
     size : int
         How many particles are drawn, each in proportion to its weight, so that density shows weight.
+    dot : float
+        Size of a particle in points.
 
     Returns
     -------
@@ -79,7 +81,7 @@ def clouds(axes, particles, truth, constants, size=400):
     room(axes, constants)
     lines = []
     for name, colour, marker in ROBOTS:
-        cloud = {"color": colour, "markersize": 3, "alpha": 0.35, "markeredgewidth": 0}
+        cloud = {"color": colour, "markersize": dot, "alpha": 0.35, "markeredgewidth": 0}
         lines += axes.plot([], [], marker, label=f"particles of {name}", **cloud)
         lines += axes.plot([], [], marker, label=f"robot {name}", **_true_robot(colour))
     _show(lines, particles, truth, size)
