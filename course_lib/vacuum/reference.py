@@ -4,7 +4,8 @@ Three things set it apart from the textbook's filter. The cloud is larger than t
 the estimator's memory, and what is returned is thinned from it. A robot's heading is also kept as a direction
 (cos θ, sin θ), so that only a bounce costs trigonometry. And roughening keeps to what is possible: since its last
 bounce a robot has driven straight, and its heading is what is in doubt, so copies of a particle are turned about the
-point of that bounce instead of being shaken in all six coordinates.
+point of that bounce instead of being shaken in all six coordinates. A few are turned far: when the readings leave only
+a handful of survivors, the truth lies somewhere between them.
 """
 
 from typing import NamedTuple
@@ -22,8 +23,8 @@ COUNT = 25_000
 RETURNED = 5_000
 #: Resample when the effective sample size falls below this share of the cloud.
 THRESHOLD = 0.5
-#: Copies are turned by up to this many times the spacing of headings in the cloud.
-TURN = 2.0
+#: Half of the copies are turned by less than this many times the spacing of headings in the cloud.
+TURN = 0.2
 
 # Rows of what is kept of one robot: position, heading, its direction, and metres driven since the last bounce.
 X, Y, HEADING, COS, SIN, DRIVEN = range(6)
@@ -163,7 +164,7 @@ def offspring(weights, shift, size):
 
 
 @njit(types.void(_ROWS, _INDICES, _FLOAT, _FLOAT, _FLOAT, types.npy_rng), cache=True)
-def turn_copies(robot, parents, widest, room_x, room_y, rng):
+def turn_copies(robot, parents, scale, room_x, room_y, rng):
     """Turn all but the first child of each parent about the point of its last bounce; changes `robot` in place.
 
     Parameters
@@ -172,8 +173,9 @@ def turn_copies(robot, parents, widest, room_x, room_y, rng):
         One robot of a `Cloud`.
     parents : ndarray, shape (N,)
         Sorted, one for each column of `robot`.
-    widest : float
-        Turns are δ = arctan t, t uniform on [-widest, widest]. One that would end outside the room is not made.
+    scale : float
+        Turns are δ = arctan t, t = scale · u / (1 - |u|) with u uniform on (-1, 1), so that half of them are smaller
+        than the scale and the density falls as 1 / t² beyond it. One that would end outside the room is not made.
     room_x, room_y : float
         Extent of the room in metres.
     rng : numpy.random.Generator
@@ -181,7 +183,8 @@ def turn_copies(robot, parents, widest, room_x, room_y, rng):
     for i in range(1, parents.size):
         if parents[i] != parents[i - 1]:
             continue
-        t = widest * (2.0 * rng.random() - 1.0)
+        u = 2.0 * rng.random() - 1.0
+        t = scale * u / (1.0 - abs(u))
         # (cos, sin)(θ + δ) = (cos θ - t sin θ, sin θ + t cos θ) / √(1 + t²)
         cos_turn = 1.0 / np.sqrt(1.0 + t * t)
         dx = (robot[COS, i] - t * robot[SIN, i]) * cos_turn

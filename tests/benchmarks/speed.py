@@ -92,7 +92,7 @@ def _kernels(console, constants):
             twins.weigh_numpy,
             (np.ones(n), robot, other, 3.0, *constants.sensors[0], constants.w_bar, constants.s_bar),
         ),
-        "turn_copies": (reference.turn_copies, twins.turn_copies_numpy, (robot, parents, 0.01, *room, rng)),
+        "turn_copies": (reference.turn_copies, twins.turn_copies_numpy, (robot, parents, 0.002, *room, rng)),
         "offspring": (reference.offspring, twins.offspring_numpy, (weights, 0.5, n)),
     }
     table = Table("kernel", "particles per second", "NumPy twin's", "kernel is", title=f"Kernels, {n} particles")

@@ -60,11 +60,12 @@ def offspring_numpy(weights, shift, size):
     return np.searchsorted(cumulative / cumulative[-1], (np.arange(size) + shift) / size, side="right")
 
 
-def turn_copies_numpy(robot, parents, widest, room_x, room_y, rng):
+def turn_copies_numpy(robot, parents, scale, room_x, room_y, rng):
     """`reference.turn_copies` in polar form: the bounce is the centre, the distance driven since then the radius."""
     copies = 1 + np.flatnonzero(np.diff(parents) == 0)
     x, y, heading, _, _, driven = robot[:, copies]
-    turned = heading + np.arctan(widest * (2.0 * rng.random(len(copies)) - 1.0))
+    u = 2.0 * rng.random(len(copies)) - 1.0
+    turned = heading + np.arctan(scale * u / (1.0 - np.abs(u)))
     x = x - driven * np.cos(heading) + driven * np.cos(turned)
     y = y - driven * np.sin(heading) + driven * np.sin(turned)
     turned = (turned + np.pi) % (2 * np.pi) - np.pi
@@ -123,7 +124,7 @@ def test_turn_copies_matches_its_twin():
     np.testing.assert_allclose(robot, expected, atol=1e-12)
     moved = np.any(robot != original, axis=0)
     first = np.diff(parents, prepend=-1) > 0
-    assert not moved[first].any() and moved[~first].mean() > 0.8
+    assert not moved[first].any() and moved[~first].mean() > 0.7
 
 
 @pytest.mark.parametrize("v_bar", [0.0, 0.3, 1.0])
