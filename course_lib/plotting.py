@@ -11,7 +11,7 @@ from IPython.display import HTML
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-#: The eight colours of M. Okabe and K. Ito, *Color universal design*, 2008: told apart with every kind of colour vision.
+#: The eight colours of M. Okabe and K. Ito, *Color universal design*, 2008: distinct for every kind of colour vision.
 BLACK, ORANGE, SKY_BLUE, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = PALETTE = (
     "#000000",
     "#E69F00",

@@ -141,7 +141,8 @@ def animate_run(run, constants, alt, every=2, trail=20):
             ways[robot].set_data(x, y)
             robots[robot].set_data(x[-1:], y[-1:])
         # A reading is shown until the next frame.
-        for circle, sensor, readings in zip(circles, constants.sensors, run.observations[max(0, k - every) : k].T):
+        recent = run.observations[max(0, k - every) : k]
+        for circle, sensor, readings in zip(circles, constants.sensors, recent.T, strict=True):
             heard = readings[np.isfinite(readings)]
             x, y = sensor[:, None] + (heard[-1] if heard.size else np.nan) * np.array([np.cos(angle), np.sin(angle)])
             inside = (x >= 0) & (x <= width) & (y >= 0) & (y <= height)
