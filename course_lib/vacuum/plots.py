@@ -1,8 +1,15 @@
 """Pictures of the two vacuum robots. All lengths in metres, times in seconds; robot A is blue, robot B vermillion."""
 
+import base64
+import re
+import sys
+from pathlib import Path
+
 import numpy as np
 
 from course_lib.plotting import BLACK, BLUE, VERMILLION, animation, subplots
+from course_lib.recording import replay
+from course_lib.vacuum.constants import Constants
 
 #: Per robot: name, colour, marker of its cloud. The marker tells the robots apart where the colour does not.
 ROBOTS = (("A", BLUE, "o"), ("B", VERMILLION, "^"))
@@ -201,3 +208,22 @@ def _representatives(particles, size):
     size = min(size, len(cumulative))
     positions = (np.arange(size) + 0.5) / size * cumulative[-1]
     return particles.states[np.searchsorted(cumulative, positions)]
+
+
+def _portrait(path):
+    """Write the animated GIF of the reference filter at work that the README shows."""
+    # Only here: students have the pictures and not the reference.
+    from course_lib.vacuum.reference import Estimator
+    from course_lib.vacuum.world import World
+
+    constants = Constants()
+    run = World(constants).simulate(np.random.default_rng(3))
+    returned = replay(Estimator, run, constants, np.random.default_rng(4))
+    posteriors = [getattr(step, "posterior", step) for step in returned]
+    page = animate_clouds(run, posteriors, constants, "two robots and their clouds")
+    encoded = re.search(r"data:image/gif;base64,([^\"]+)", page.data)[1]
+    Path(path).write_bytes(base64.b64decode(encoded))
+
+
+if __name__ == "__main__":
+    _portrait(sys.argv[1])
