@@ -19,7 +19,7 @@ from grader.assignments import assignments
 from grader.executors import local_pool
 from grader.grade import refused
 from grader.reports import html, terminal
-from grader.sandbox.host import SandboxError
+from grader.sandbox.program import SandboxError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 # Piped into a file, there is no width to ask for.

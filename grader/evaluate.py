@@ -1,13 +1,14 @@
 """Error: replay recorded runs to an estimator in its sandbox, and measure what it returns against the truth."""
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
 from course_lib.filters import Gaussian, Particles, equally_weighted
 from course_lib.scoring import thin
 from grader.assignment import episode_seed
-from grader.sandbox.host import Limits, Program, SandboxError, StudentError
+from grader.sandbox.program import Limits, Program, SandboxError, StudentError
 
 #: Draws that stand for a Gaussian posterior where a metric wants particles.
 GAUSSIAN_DRAWS = 2000
@@ -42,6 +43,7 @@ class Outcome:
         return {name: float(np.mean(steps)) for name, steps in self.metrics.items()}
 
 
+@lru_cache(maxsize=256)
 def recorded_run(assignment, variant, episode, secret):
     """The run every submission of the class meets in this episode.
 
@@ -83,7 +85,7 @@ def evaluate(server, assignment, variant, episode, secret, source=None):
 
     Parameters
     ----------
-    server : grader.sandbox.host.Server
+    server : grader.sandbox.server.Server
         For submissions, or for the reference when `source` is None.
     assignment : Assignment
     variant : Variant
@@ -99,7 +101,7 @@ def evaluate(server, assignment, variant, episode, secret, source=None):
 
     Raises
     ------
-    grader.sandbox.host.SandboxError
+    grader.sandbox.program.SandboxError
         The sandbox broke under the reference: it does not work at all. When it breaks twice under a submission, that
         submission broke it.
     """

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from grader.assignments import assignments
 from grader.grade import grade, reference_outcomes
-from grader.sandbox.host import Server
+from grader.sandbox.server import Server
 
 # What a process of the pool holds: it is set once, when the process starts, and closed with it.
 _bench = {}

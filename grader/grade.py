@@ -20,7 +20,7 @@ def reference_outcomes(reference_server, assignment, variant, secret):
 
     Parameters
     ----------
-    reference_server : grader.sandbox.host.Server
+    reference_server : grader.sandbox.server.Server
     assignment : Assignment
     variant : Variant
     secret : bytes
@@ -54,7 +54,7 @@ def grade(submission, assignment, server, reference_server, references, secret, 
     ----------
     submission : Submission
     assignment : Assignment
-    server, reference_server : grader.sandbox.host.Server
+    server, reference_server : grader.sandbox.server.Server
     references : dict of str to list of Outcome
         Variant name to `reference_outcomes`.
     secret : bytes

@@ -4,7 +4,7 @@ import numpy as np
 
 from grader.evaluate import limits, program, recorded_run
 from grader.result import SpeedResult
-from grader.sandbox.host import SandboxError, StudentError
+from grader.sandbox.program import SandboxError, StudentError
 
 #: Fresh pairs of processes; the median of their ratios counts.
 PAIRS = 3
@@ -20,7 +20,7 @@ def measure_speed(server, reference_server, assignment, secret, source):
 
     Parameters
     ----------
-    server, reference_server : grader.sandbox.host.Server
+    server, reference_server : grader.sandbox.server.Server
     assignment : Assignment
     secret : bytes
     source : str

@@ -11,7 +11,7 @@ from grader.assignment import Criterion, Speed, Variant
 from grader.assignments import assignments
 from grader.grade import PATIENCE, grade, reference_outcomes
 from grader.result import Result
-from grader.sandbox.host import Server
+from grader.sandbox.server import Server
 from grader.submission import Submission
 
 SECRET = b"a secret of the tests"
