@@ -38,7 +38,7 @@ class Criterion:
         return float(min(max(share, 0.0), 1.0)) if np.isfinite(share) else 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Variant:
     """One setting of the world.
 
@@ -90,7 +90,7 @@ class Speed:
     none: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Assignment:
     """Everything the grader knows of one assignment.
 

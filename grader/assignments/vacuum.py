@@ -10,7 +10,7 @@ from course_lib.vacuum.world import World
 from grader.assignment import Assignment, Criterion, Speed, Variant
 
 #: Particles that stand for a posterior in the scores that cost O(N²).
-SCORED_PARTICLES = 250
+SCORED_PARTICLES = 200
 #: Particles, and truths to compare them with, in the variant without readings.
 PREDICTED = 1000
 
@@ -125,7 +125,7 @@ VARIANTS = (
         episodes=4,
         limits=(COARSE, COARSE),
         constants={"Ts": 0.5},
-        hidden={"shortest_segment": 1, "longest_segment": 3, "fastest": 4.0, "report_probability": 0.4},
+        hidden={"steps": 100, "shortest_segment": 1, "longest_segment": 3, "fastest": 4.0, "report_probability": 0.4},
     ),
     Variant(
         name="silent",
