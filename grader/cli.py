@@ -65,9 +65,9 @@ def grade(
     results += _run(programs, chosen, key, jobs, output)
     results.sort(key=lambda result: (-result.points, result.submission))
     console.print(terminal.table(results))
-    console.print(terminal.summary(results))
+    console.print(terminal.summary(results, chosen.landmarks))
     with _storing(output):
-        html.write(results, output / "report.html", title=chosen.title, when=date.today().isoformat())
+        html.write(results, output / "report.html", chosen.title, date.today().isoformat(), chosen.landmarks)
     console.print(f"Report: {output / 'report.html'}", soft_wrap=True, markup=False)
     if refusals:
         raise typer.Exit(SOME_REFUSED)

@@ -17,7 +17,7 @@ BINS = 10
 _FAR = 1e6
 
 
-def write(results, path, title, when):
+def write(results, path, title, when, landmarks):
     """Write the report, whole or not at all.
 
     Parameters
@@ -29,6 +29,8 @@ def write(results, path, title, when):
         The assignment's.
     when : str
         The date the report bears.
+    landmarks : dict
+        The assignment's, shown for comparison.
 
     Raises
     ------
@@ -36,7 +38,7 @@ def write(results, path, title, when):
         The file cannot be written; an older report is left as it was.
     """
     path = Path(path)
-    text = render(results, title, when)
+    text = render(results, title, when, landmarks)
     handle, partial = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".partial")
     try:
         with open(handle, "w", encoding="utf-8") as file:
@@ -51,7 +53,7 @@ def write(results, path, title, when):
         raise
 
 
-def render(results, title, when):
+def render(results, title, when, landmarks):
     """The report's text; parameters as in `write`."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("grader.reports", "."),
@@ -79,6 +81,7 @@ def render(results, title, when):
         results=results,
         title=title,
         when=when,
+        comparison=overview.comparison(landmarks),
         first=overview.headline(results),
         spread=overview.spread(results),
         bins=histogram(results),

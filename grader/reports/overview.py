@@ -36,6 +36,13 @@ def spread(results):
     return points[0], *quartiles, points[-1]
 
 
+def comparison(landmarks):
+    """What others achieved in the exercise as it is, in a line; empty when an assignment has no such figures."""
+    return "; ".join(
+        f"{metric} of {words} {value:g}" for metric, figures in landmarks.items() for value, words in figures
+    )
+
+
 def figure(value):
     """A number with three significant digits; a dash for none."""
     if value is None:

@@ -4,7 +4,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from grader.reports.overview import failures, figure, headline, ratio, spread, standing, worst_variant
+from grader.reports.overview import comparison, failures, figure, headline, ratio, spread, standing, worst_variant
 
 _STYLES = {"refused": "red", "failing": "yellow", "ok": ""}
 _LONGEST_NOTE = 160
@@ -52,12 +52,14 @@ def table(results):
     return rows
 
 
-def summary(results):
-    """The class in one line: how many, median and spread of the points.
+def summary(results, landmarks):
+    """The class in a line or two: how many, median and spread of the points, and what others achieved.
 
     Parameters
     ----------
     results : list of Result
+    landmarks : dict
+        The assignment's.
 
     Returns
     -------
@@ -75,6 +77,8 @@ def summary(results):
             f"middle half {lower:.1f} to {upper:.1f}, all {least:.1f} to {most:.1f}"
         )
         line += " (graded ones)" if refused else ""
+    if others := comparison(landmarks):
+        line += f"\nFor comparison: {others}"
     return Text(line)
 
 

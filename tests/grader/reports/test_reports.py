@@ -65,8 +65,11 @@ def refuse(name="ben", message="defines no Estimator"):
     return Result(name, f"class/{name}.py", "", "vacuum", "refused", message, 0.0, 100.0, environment=ENVIRONMENT)
 
 
+LANDMARKS = {"error": ((0.4, "a filter of old"),)}
+
+
 def render(*results):
-    return html.render(list(results), "Two robots", "2026-11-22")
+    return html.render(list(results), "Two robots", "2026-11-22", LANDMARKS)
 
 
 class Page(HTMLParser):
@@ -173,6 +176,7 @@ def test_pictures_have_words():
 def test_nothing_graded_and_nothing_at_all_are_reports_too():
     assert "no Estimator" in Page(render(refuse("ben", "no Estimator"))).text
     assert "Two robots" in Page(render()).text
+    assert "error of a filter of old 0.4" in Page(render()).text
     assert "ana" in Page(render(make(speed=None, trace=None, variants=[]))).text
 
 
@@ -224,16 +228,16 @@ def test_error_curves_stay_in_their_box():
 
 def test_writing_is_whole_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "report.html"
-    html.write([make()], path, title="Two robots", when="2026-11-22")
+    html.write([make()], path, "Two robots", "2026-11-22", LANDMARKS)
     before = path.read_text(encoding="utf-8")
     assert before == render(make())
     monkeypatch.setattr(html.os, "replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
-        html.write([make("ben")], path, title="Two robots", when="2026-11-22")
+        html.write([make("ben")], path, "Two robots", "2026-11-22", LANDMARKS)
     assert path.read_text(encoding="utf-8") == before
     assert list(tmp_path.iterdir()) == [path]
     with pytest.raises(OSError):
-        html.write([make()], tmp_path / "absent" / "report.html", title="", when="")
+        html.write([make()], tmp_path / "absent" / "report.html", "", "", {})
 
 
 def test_overview():
@@ -279,7 +283,7 @@ def test_markup_in_names_and_messages_is_printed_as_it_is():
 
 def test_summary():
     results = [*(make(points=p) for p in (40.0, 50.0, 60.0)), refuse(), make(failing=True, points=70.0)]
-    line = printed(terminal.summary(results), width=200)
+    line = printed(terminal.summary(results, {}), width=200)
     assert "5 submissions, 1 refused, 1 with failures" in line
     assert "median 55.0, middle half 47.5 to 62.5, all 40.0 to 70.0" in line
-    assert printed(terminal.summary([refuse()])) == "1 submission, 1 refused\n"
+    assert printed(terminal.summary([refuse()], {})) == "1 submission, 1 refused\n"
