@@ -104,7 +104,7 @@ def animation(picture, draw, frames, alt, frames_per_second=10, dpi=72):
         images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3]))
     plt.close(picture)
     # One palette for all frames: nothing flickers, and equal pixels compress to nothing.
-    palette = images[-1].quantize(128, dither=Image.Dither.NONE)
+    palette = images[-1].quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     moving, still = io.BytesIO(), io.BytesIO()
     duration = round(1000 / frames_per_second)

@@ -46,7 +46,7 @@ def _sections(notebook):
     sections, title = {}, None
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
-            for block in re.split(r"^(?=##? )", cell.source, flags=re.MULTILINE):
+            for block in filter(None, re.split(r"^(?=##? )", cell.source, flags=re.MULTILINE)):
                 heading = re.match(r"##? (.*)\n?", block)
                 if heading:
                     title = heading[1]
