@@ -105,6 +105,10 @@ def animation(picture, draw, frames, alt, frames_per_second=10, dpi=72):
     plt.close(picture)
     # One palette for all frames: nothing flickers, and equal pixels compress to nothing.
     palette = images[-1].quantize(128, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    # Pillow looks colours up with few bits, and takes an almost white one for white.
+    colours = np.reshape(palette.getpalette(), (-1, 3))
+    colours[colours.min(axis=1) > 240] = 255
+    palette.putpalette(colours.ravel().tolist())
     images = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     moving, still = io.BytesIO(), io.BytesIO()
     duration = round(1000 / frames_per_second)
