@@ -85,21 +85,29 @@ def picture(variant):
 
 
 def _variant(
-    name, title, points, episodes=2, metric="best half", limits=(ACCURACY, PROPER), constants=None, hidden=None
+    name,
+    title,
+    points,
+    episodes=2,
+    steps=100,
+    metric="best half",
+    limits=(ACCURACY, PROPER),
+    constants=None,
+    hidden=None,
 ):
     accuracy, proper = points
     return Variant(
         name=name,
         title=title,
         constants=replace(Constants(), **(constants or {})),
-        hidden=replace(Hidden(), **(hidden or {})),
+        hidden=replace(Hidden(steps=steps), **(hidden or {})),
         episodes=episodes,
         criteria=(Criterion(metric, accuracy, *limits[0]), Criterion("energy score", proper, *limits[1])),
     )
 
 
 VARIANTS = (
-    _variant("default", "the exercise as it is", (20, 10), episodes=8),
+    _variant("default", "the exercise as it is", (20, 10), episodes=6, steps=200),
     _variant("precise", "precise sensors: w̄ = 0.5 m", (3, 1), constants={"w_bar": 0.5}),
     _variant("noisy", "noisy sensors: w̄ = 2 m", (3, 1), constants={"w_bar": 2.0}),
     _variant("unmistaken", "sensors never take the wrong robot: s̄ = 0", (3, 1), constants={"s_bar": 0.0}),
@@ -108,7 +116,7 @@ VARIANTS = (
     _variant("talkative", "every sensor reports in every step", (3, 1), hidden={"report_probability": 1.0}),
     _variant("taciturn", "a sensor reports once in 20 steps", (3, 1), hidden={"report_probability": 0.05}),
     _variant("fast", "fast robots: 2 to 4 m/s", (3, 1), hidden={"slowest": 2.0, "fastest": 4.0}),
-    _variant("steady", "speeds that never change", (3, 1), hidden={"shortest_segment": 200, "longest_segment": 200}),
+    _variant("steady", "speeds that never change", (3, 1), hidden={"shortest_segment": 100, "longest_segment": 100}),
     _variant("hall", "a room of 10 m, sampled every 0.2 s", (3, 1), constants={"L": 10.0, "Ts": 0.2}),
     _variant("2017", "as in 2017: a room of 2L × L, random speeds", (3, 1), constants={"length": 2.0, "v_s_bar": 0.1}),
     _variant(
@@ -125,7 +133,7 @@ VARIANTS = (
         episodes=4,
         limits=(COARSE, COARSE),
         constants={"Ts": 0.5},
-        hidden={"steps": 100, "shortest_segment": 1, "longest_segment": 3, "fastest": 4.0, "report_probability": 0.4},
+        hidden={"shortest_segment": 1, "longest_segment": 3, "fastest": 4.0, "report_probability": 0.4},
     ),
     Variant(
         name="silent",
