@@ -99,16 +99,47 @@ def transition(states, control, constants, rng):
 
 
 @njit(cache=True, inline="always")
-def _bounce(along, into, noise):
-    """Direction after a bounce: components along the wall and across it, from those before."""
+def bounce(along, into, noise):
+    """Direction after a bounce off any wall, for kernels.
+
+    Parameters
+    ----------
+    along, into : float
+        Components of the direction before it, parallel to the wall and perpendicular.
+    noise : float
+        v in [-1, 1].
+
+    Returns
+    -------
+    along, into : float
+        The same components after it; `into` has changed its sign.
+    """
     # α⁻ = atan(|v_n| / |v_t|);  α⁺ = α⁻ (1 + v) in [0, π], so sin α⁺ ≥ 0 points back into the room at every wall
     after = np.arctan2(abs(into), abs(along)) * (1.0 + noise)
     return np.copysign(1.0, along) * np.cos(after), -np.copysign(1.0, into) * abs(np.sin(after))
 
 
 @njit(cache=True, inline="always")
-def _to_wall(states, i, column, dx, dy, distance, room_x, room_y):
-    """Drive robot i to the next wall or to the end of its distance; what is left of it, or -1 without a bounce."""
+def to_wall(states, i, column, dx, dy, distance, room_x, room_y):
+    """Drive one robot to the next wall or to the end of its distance, for kernels; changes `states` in place.
+
+    Parameters
+    ----------
+    states : ndarray, shape (N, d)
+    i, column : int
+        Row of the robot, and first of its columns x, y.
+    dx, dy : float
+        Its direction, a unit vector.
+    distance : float
+        Metres.
+    room_x, room_y : float
+        Extent of the room in metres.
+
+    Returns
+    -------
+    float
+        Metres left when it met a wall; -1 when it did not.
+    """
     x, y = states[i, column], states[i, column + 1]
     to_x = (room_x - x) / dx if dx > 0.0 else (-x / dx if dx < 0.0 else np.inf)
     to_y = (room_y - y) / dy if dy > 0.0 else (-y / dy if dy < 0.0 else np.inf)
@@ -166,7 +197,7 @@ def drive(states, column, distance, room_x, room_y, v_bar, rng):
     count = 0
     for i in range(n):
         dx, dy = np.cos(states[i, column + 2]), np.sin(states[i, column + 2])
-        rest = _to_wall(states, i, column, dx, dy, distance[i], room_x, room_y)
+        rest = to_wall(states, i, column, dx, dy, distance[i], room_x, room_y)
         if rest >= 0.0:
             bouncing[count], left[count] = i, rest
             direction_x[count], direction_y[count] = dx, dy
@@ -180,11 +211,11 @@ def drive(states, column, distance, room_x, room_y, v_bar, rng):
             noise = v_bar * np.cbrt(2.0 * rng.random() - 1.0)
             x = states[i, column]
             if (x <= 0.0 and dx < 0.0) or (x >= room_x and dx > 0.0):
-                dy, dx = _bounce(dy, dx, noise)
+                dy, dx = bounce(dy, dx, noise)
             else:
-                dx, dy = _bounce(dx, dy, noise)
+                dx, dy = bounce(dx, dy, noise)
             states[i, column + 2] = np.arctan2(dy, dx)
-            rest = _to_wall(states, i, column, dx, dy, left[j], room_x, room_y)
+            rest = to_wall(states, i, column, dx, dy, left[j], room_x, room_y)
             if rest >= 0.0:
                 bouncing[again], left[again] = i, rest
                 direction_x[again], direction_y[again] = dx, dy

@@ -15,7 +15,7 @@ from numba import njit, types
 
 from course_lib.filters import Particles, Step
 from course_lib.vacuum import models
-from course_lib.vacuum.models import _bounce, _to_wall
+from course_lib.vacuum.models import bounce, to_wall
 
 #: Particles in the cloud, each a pair of robots.
 COUNT = 25_000
@@ -229,7 +229,7 @@ def advance(robot, distance, room_x, room_y, v_bar, rng):
         if 0.0 <= x <= room_x and 0.0 <= y <= room_y:
             robot[X, i], robot[Y, i] = x, y
         else:
-            rest = _to_wall(states, i, 0, robot[COS, i], robot[SIN, i], distance[i], room_x, room_y)
+            rest = to_wall(states, i, 0, robot[COS, i], robot[SIN, i], distance[i], room_x, room_y)
             if rest >= 0.0:
                 bouncing[count], left[count] = i, rest
                 count += 1
@@ -241,12 +241,12 @@ def advance(robot, distance, room_x, room_y, v_bar, rng):
             # v = v̄ (2p - 1)^{1/3}
             noise = v_bar * np.cbrt(2.0 * rng.random() - 1.0)
             if (x <= 0.0 and dx < 0.0) or (x >= room_x and dx > 0.0):
-                dy, dx = _bounce(dy, dx, noise)
+                dy, dx = bounce(dy, dx, noise)
             else:
-                dx, dy = _bounce(dx, dy, noise)
+                dx, dy = bounce(dx, dy, noise)
             robot[HEADING, i] = np.arctan2(dy, dx)
             robot[COS, i], robot[SIN, i], robot[DRIVEN, i] = dx, dy, left[j]
-            rest = _to_wall(states, i, 0, dx, dy, left[j], room_x, room_y)
+            rest = to_wall(states, i, 0, dx, dy, left[j], room_x, room_y)
             if rest >= 0.0:
                 bouncing[again], left[again] = i, rest
                 again += 1
