@@ -40,8 +40,12 @@ def error_points(result):
 @pytest.mark.parametrize("name", sorted(RIGHT))
 def test_right_filters_earn_full_marks(graded, name):
     result = graded[0][name]
-    assert result.points >= 0.985 * result.max_points
     assert result.message == ""
+    assert result.variants[0].points >= 0.99 * result.variants[0].max_points
+    assert result.speed.points == result.speed.max_points
+    # With 2000 particles a plain filter may lose a robot once in 36 episodes, which costs two points. On which one
+    # depends on the last digit of a cube root, and so on the machine.
+    assert result.points >= result.max_points - 4.0
 
 
 @pytest.mark.parametrize("name", sorted(FAIR))
@@ -58,7 +62,7 @@ def test_a_loop_over_particles_costs_time(graded):
 @pytest.mark.parametrize("name", WRONG)
 def test_wrong_filters_lose_points(graded, name):
     wrong, right = graded[0][name], graded[0]["good_plain"]
-    assert error_points(wrong) <= error_points(right) - 4.0
+    assert error_points(wrong) <= error_points(right) - 2.0
 
 
 @pytest.mark.parametrize(

@@ -160,7 +160,7 @@ ASSIGNMENTS = (
         picture=picture,
         positions=((0, 1), (3, 4)),
         variants=VARIANTS,
-        speed=Speed(variant="default", steps=100, points=8, full=6.0, none=30.0),
+        speed=Speed(variant="default", steps=100, points=8, full=5.0, none=25.0),
         withheld=("course_lib.vacuum.models", "course_lib.vacuum.world", "course_lib.vacuum.reference"),
         deadline=5.0,
         landmarks={"best half": ((0.4, "ETH's own filter"), (1.8, "a uniform cloud"))},
