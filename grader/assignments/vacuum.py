@@ -161,7 +161,12 @@ ASSIGNMENTS = (
         positions=((0, 1), (3, 4)),
         variants=VARIANTS,
         speed=Speed(variant="default", steps=100, points=8, full=5.0, none=25.0),
-        withheld=("course_lib.vacuum.models", "course_lib.vacuum.world", "course_lib.vacuum.reference"),
+        withheld=(
+            "course_lib.vacuum.models",
+            "course_lib.vacuum.world",
+            "course_lib.vacuum.reference",
+            "course_lib.vacuum.ablations",
+        ),
         deadline=5.0,
         landmarks={"best half": ((0.4, "ETH's own filter"), (1.8, "a uniform cloud"))},
     ),
