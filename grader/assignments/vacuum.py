@@ -107,12 +107,15 @@ def _variant(
 
 
 VARIANTS = (
-    _variant("default", "the exercise as it is", (20, 10), episodes=6, steps=200),
+    _variant("default", "the exercise as it is", (18, 8), episodes=6, steps=200),
     _variant("precise", "precise sensors: w̄ = 0.5 m", (3, 1), constants={"w_bar": 0.5}),
+    # Where many filters lose a robot: few points, and an episode more.
+    _variant("sharp", "very precise sensors: w̄ = 0.2 m", (1, 1), episodes=3, constants={"w_bar": 0.2}),
     _variant("noisy", "noisy sensors: w̄ = 2 m", (3, 1), constants={"w_bar": 2.0}),
     _variant("unmistaken", "sensors never take the wrong robot: s̄ = 0", (3, 1), constants={"s_bar": 0.0}),
     _variant("mistaken", "sensors take either robot: s̄ = 0.5", (3, 1), constants={"s_bar": 0.5}),
     _variant("mirror", "ideal reflections: v̄ = 0", (3, 1), limits=MIRROR, constants={"v_bar": 0.0}),
+    _variant("rebound", "slightly random reflections: v̄ = 0.3", (1, 1), constants={"v_bar": 0.3}),
     _variant("talkative", "every sensor reports in every step", (3, 1), hidden={"report_probability": 1.0}),
     _variant("taciturn", "a sensor reports once in 20 steps", (3, 1), hidden={"report_probability": 0.05}),
     _variant("fast", "fast robots: 2 to 4 m/s", (3, 1), hidden={"slowest": 2.0, "fastest": 4.0}),
