@@ -1,6 +1,7 @@
 """`make bench`: every benchmark, or those named: `python -m tests.benchmarks speed optimality --runs 2`."""
 
 import argparse
+import sys
 
 from rich.console import Console
 
@@ -25,7 +26,8 @@ def main():
         parser.error(f"no benchmark called {', '.join(sorted(unknown))}: choose from {', '.join(BENCHMARKS)}")
     if arguments.runs is not None and arguments.runs < 2:
         parser.error("--runs must be at least 2: one run has no standard deviation")
-    console = Console()
+    # Piped into a file, there is no width to ask for.
+    console = Console(width=None if sys.stdout.isatty() else 110)
     for name in arguments.names or BENCHMARKS:
         benchmark, runs = BENCHMARKS[name]
         benchmark(console, arguments.runs or runs)
