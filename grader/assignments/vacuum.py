@@ -64,9 +64,10 @@ def measure(particles, truth, rng):
     distances = [
         np.hypot(*(particles.states[:, column : column + 2] - truth[column : column + 2]).T) for column in (0, 3)
     ]
+    shares = particles.weights
     return {
-        "best half": float(np.mean([best_share_error(distance, particles.weights) for distance in distances])),
-        "all particles": float(np.mean([distance @ particles.weights for distance in distances])),
+        "best half": float(np.mean([best_share_error(distance, shares) for distance in distances])),
+        "all particles": float(np.mean([distance @ shares for distance in distances])),
         "energy score": energy_score(points, weights, truth[None, columns]),
         "within 90 %": float(region_rank(points, weights, truth[columns]) <= 0.9),
     }
