@@ -156,7 +156,9 @@ def _writable(output):
 
 
 def _store(result, output):
-    path = output / "results" / (result.submission.replace(os.sep, "__") + ".json")
+    # Written as in an address, so that two submissions never share a file.
+    name = result.submission.replace("%", "%25").replace(os.sep, "%2F")
+    path = output / "results" / f"{name}.json"
     partial = path.with_suffix(".partial")
     with _storing(output):
         partial.write_text(result.to_json(), encoding="utf-8")
