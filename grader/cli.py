@@ -69,7 +69,7 @@ def grade(
     with _storing(output):
         html.write(results, output / "report.html", chosen.title, date.today().isoformat(), chosen.landmarks)
     console.print(f"Report: {output / 'report.html'}", soft_wrap=True, markup=False)
-    if refusals:
+    if any(result.status == "refused" for result in results):
         raise typer.Exit(SOME_REFUSED)
 
 

@@ -14,6 +14,8 @@ from grader.sandbox.program import Limits, Program, SandboxError, StudentError
 GAUSSIAN_DRAWS = 2000
 #: Particles of a picture, and steps between two pictures.
 FRAME_PARTICLES, FRAME_EVERY = 100, 5
+#: A metric beyond this says that the posterior is nowhere near its world, and would overflow what is made of it.
+LARGEST_METRIC = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +128,7 @@ def _replay(server, assignment, variant, episode, secret, source):
             for k in range(run.steps + 1):
                 inputs = (None, None) if k == 0 else (run.observations[k - 1], run.controls[k - 1])
                 particles = _particles(worker.step(*inputs), k, rng)
-                steps.append(assignment.measure(particles, run.truth[k], rng))
+                steps.append(_measured(assignment, particles, run.truth[k], k, rng))
                 if k % FRAME_EVERY == 0:
                     frames.append(_frame(particles, k, assignment.positions, rng))
     except StudentError as error:
@@ -146,6 +148,19 @@ def _particles(posterior, k, rng):
         "invalid posterior",
         f"step {k}: expected one posterior of all targets together, got a list of {len(posterior)}",
     )
+
+
+def _measured(assignment, particles, truth, k, rng):
+    """The metrics of one step, all of them numbers one can average and write down."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        metrics = assignment.measure(particles, truth, rng)
+    if not all(abs(value) <= LARGEST_METRIC for value in metrics.values()):
+        largest = np.abs(particles.states).max()
+        raise StudentError(
+            "invalid posterior",
+            f"step {k}: the states reach {largest:.3g}, too far to be measured: keep them in the world",
+        )
+    return metrics
 
 
 def _frame(particles, k, positions, rng):

@@ -3,11 +3,13 @@
 import multiprocessing
 import os
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 
 from grader.assignments import assignments
-from grader.grade import grade, reference_outcomes
+from grader.grade import grade, reference_outcomes, refused
 from grader.sandbox.server import Server
+from grader.submission import Refusal
 
 # What a process of the pool holds: it is set once, when the process starts, and closed with it.
 _bench = {}
@@ -35,7 +37,7 @@ def local_pool(assignment, secret, jobs=None):
     turn = context.BoundedSemaphore(max(1, cores - 1))
     with ProcessPoolExecutor(jobs, context, _set_up, (assignment.name, secret, turn)) as executor:
         try:
-            yield Pool(executor, assignment)
+            yield Pool(executor, assignment, secret)
         except BaseException:
             executor.shutdown(wait=False, cancel_futures=True)
             raise
@@ -44,8 +46,9 @@ def local_pool(assignment, secret, jobs=None):
 class Pool:
     """Grading processes of one assignment."""
 
-    def __init__(self, executor, assignment):
+    def __init__(self, executor, assignment, secret):
         self._executor = executor
+        self._secret = secret
         self._assignment = assignment
 
     def references(self):
@@ -58,10 +61,23 @@ class Pool:
             yield futures[future], future.result()
 
     def grade(self, submissions, references):
-        """Grade submissions: yield (submission, Result) as they are done."""
+        """Grade submissions: yield (submission, Result) as they are done.
+
+        One that the grader itself stumbles over is refused with the reason, and the class goes on.
+        """
         futures = {self._executor.submit(_grade, submission, references): submission for submission in submissions}
         for future in as_completed(futures):
-            yield futures[future], future.result()
+            submission, error = futures[future], future.exception()
+            if error is None:
+                yield submission, future.result()
+            elif isinstance(error, BrokenProcessPool):
+                raise error
+            else:
+                reason = f"the grader failed on it ({type(error).__name__}: {error}): grade it by hand, and report this"
+                yield (
+                    submission,
+                    refused(Refusal(submission.name, submission.path, reason), self._assignment, self._secret),
+                )
 
 
 def _set_up(name, secret, turn):

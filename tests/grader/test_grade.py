@@ -89,6 +89,13 @@ def test_not_a_number_earns_nothing_however_it_is_compared(judge):
     assert result.variants[0].episodes[0].status == "invalid posterior"
 
 
+def test_finite_numbers_too_large_to_measure_earn_nothing_and_can_be_written(judge):
+    result = judge(broken("observation is not None", "return np.full((10, 6), 1e200)"))
+    assert sum(variant.points for variant in result.variants) == 0.0
+    assert "the states reach 1e+200" in result.message
+    assert Result.from_json(result.to_json()) == result
+
+
 def test_patience_ends(judge):
     result = judge(broken("previous is not None", "import time; time.sleep(60)"))
     messages = [episode.message for variant in result.variants for episode in variant.episodes]
@@ -118,7 +125,7 @@ def test_a_wrong_filter_loses_points(judge):
 def test_work_is_charged_and_waiting_is_not(judge):
     waiting = judge(broken("previous is not None", "import time; time.sleep(0.02)"))
     assert waiting.speed.points == waiting.speed.max_points
-    working = judge(broken("previous is not None", "sum(range(1_500_000))"))
+    working = judge(broken("previous is not None", "sum(range(5_000_000))"))
     assert working.speed.points == 0.0
     # Hopeless after the first pair, so that the others are not run.
     assert len(working.speed.ratios) == 1

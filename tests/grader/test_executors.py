@@ -1,0 +1,38 @@
+"""Grading in processes: a fault of the grader's own costs one submission its grade and the class nothing."""
+
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
+from types import SimpleNamespace
+
+import pytest
+
+from grader.assignments import assignments
+from grader.executors import Pool
+from grader.submission import Submission
+
+
+def pool(outcomes):
+    """A pool whose processes end as `outcomes` says, by name: with a value, or an exception."""
+
+    def submit(function, submission, references):
+        future = Future()
+        outcome = outcomes[submission.name]
+        (future.set_exception if isinstance(outcome, Exception) else future.set_result)(outcome)
+        return future
+
+    return Pool(SimpleNamespace(submit=submit), assignments()["vacuum"], b"secret")
+
+
+ANA, BEN = (Submission(name, f"{name}.py", "") for name in ("ana", "ben"))
+
+
+def test_a_fault_of_the_grader_refuses_one_and_grades_the_next():
+    results = dict(pool({"ana": ZeroDivisionError("by zero"), "ben": "a result"}).grade([ANA, BEN], {}))
+    assert results[BEN] == "a result"
+    assert results[ANA].status == "refused" and results[ANA].points == 0.0
+    assert "ZeroDivisionError: by zero" in results[ANA].message
+
+
+def test_processes_that_die_end_the_grading():
+    with pytest.raises(BrokenProcessPool):
+        list(pool({"ana": BrokenProcessPool("died")}).grade([ANA], {}))
