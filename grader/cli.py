@@ -26,6 +26,8 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_
 console = Console(width=None if sys.stdout.isatty() else 110)
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
+#: Of a progress bar.
+COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
 #: Exit codes: all submissions graded; some refused; nothing done.
 SOME_REFUSED, NOTHING_DONE = 1, 2
 
@@ -84,16 +86,25 @@ def release(
     root = Path.cwd()
     if not (root / "solutions").is_dir():
         _stop(f"no folder solutions/ in {root}: run this at the top of the course")
-    if check:
-        stale = products.stale(root)
-        for line in stale:
-            errors.print(line, style="red", markup=False)
-        raise typer.Exit(1 if stale else 0)
-    with console.status("executing the lessons"):
-        try:
-            products.release(root)
-        except (OSError, ValueError, RuntimeError) as error:
-            _stop(str(error))
+    try:
+        if check:
+            stale = products.stale(root)
+            for line in stale:
+                errors.print(line, style="red", markup=False)
+            raise typer.Exit(1 if stale else 0)
+        with Progress(*COLUMNS, console=console) as progress:
+            task = progress.add_task("reading the lessons", total=None)
+            written = products.release(
+                root,
+                progress=lambda name, cell, cells: progress.update(
+                    task, description=f"executing {name}", completed=cell - 1, total=cells
+                ),
+            )
+            progress.update(task, completed=progress.tasks[task].total)
+    except (OSError, products.ReleaseError) as error:
+        _stop(str(error))
+    for path in written:
+        console.print(f"Written: {path.relative_to(root)}", markup=False)
 
 
 def main():
@@ -108,10 +119,9 @@ def main():
 def _run(programs, assignment, secret, jobs, output):
     """Grade with progress bars, storing each result as soon as it is there."""
     results = []
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     try:
         with (
-            Progress(*columns, TimeRemainingColumn(), console=console) as progress,
+            Progress(*COLUMNS, TimeRemainingColumn(), console=console) as progress,
             local_pool(assignment, secret, jobs) as pool,
         ):
             references = dict(progress.track(pool.references(), len(assignment.variants), description="reference  "))

@@ -81,3 +81,15 @@ def test_release_outside_a_course(run):
     result = run("release", "--check")
     assert result.exit_code == NOTHING_DONE
     assert "solutions" in result.stderr
+
+
+def test_a_malformed_lesson_is_one_line(run, tmp_path):
+    (tmp_path / "solutions").mkdir()
+    (tmp_path / "solutions/01_x.md").write_text(
+        "---\njupytext:\n  text_representation:\n    format_name: myst\n---\n\n"
+        "```{code-cell}\n### BEGIN SOLUTION\n```\n"
+    )
+    for words in (["release"], ["release", "--check"]):
+        result = run(*words)
+        assert result.exit_code == NOTHING_DONE
+        assert "01_x.md" in result.stderr and len(result.stderr.strip().splitlines()) == 1
