@@ -20,8 +20,11 @@ from grader.executors import local_pool
 from grader.grade import refused
 from grader.reports import html, terminal
 from grader.sandbox.program import SandboxError
+from grader.secret import SecretError, fingerprint, new_secret, read_secret
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+secrets = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(secrets, name="secret", help="Make and name the file that chooses hidden episodes.")
 # Piped into a file, there is no width to ask for.
 console = Console(width=None if sys.stdout.isatty() else 110)
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -48,13 +51,13 @@ def grade(
     secret: Annotated[
         Path | None,
         typer.Option(
-            help="File whose bytes choose the episodes; without it they are the public ones, which anyone can repeat."
+            help="File that chooses the episodes (made by `grader secret new`); without it anyone can repeat them."
         ),
     ] = None,
 ):
     """Grade submissions: print the table, write one JSON record each and an HTML report."""
     chosen = _choose(assignment)
-    key = _read_secret(secret)
+    key = _secret(secret)
     programs, refusals = intake.gather(submissions, chosen)
     for refusal in refusals:
         errors.print(f"{refusal.path}: {refusal.reason}", style="red", markup=False)
@@ -73,6 +76,33 @@ def grade(
     console.print(f"Report: {output / 'report.html'}", soft_wrap=True, markup=False)
     if any(result.status == "refused" for result in results):
         raise typer.Exit(SOME_REFUSED)
+
+
+@secrets.command("new")
+def secret_new(
+    file: Annotated[Path, typer.Argument(help="A file that does not exist yet, outside of anything students see.")],
+):
+    """Write a new random secret to FILE and print its fingerprint."""
+    try:
+        key = new_secret(file)
+    except SecretError as error:
+        _stop(str(error))
+    console.print(f"Written: {file}, fingerprint {fingerprint(key)}", soft_wrap=True, markup=False, highlight=False)
+    console.print(
+        f"Keep it, and keep it from students: grade with --secret {file}; without it no grade can be repeated.",
+        soft_wrap=True,
+        markup=False,
+        highlight=False,
+    )
+
+
+@secrets.command("show")
+def secret_show(file: Annotated[Path, typer.Argument(help="The file of a secret.")]):
+    """Print the fingerprint of the secret in FILE, as records and reports name it."""
+    try:
+        console.print(fingerprint(read_secret(file)), markup=False, highlight=False)
+    except SecretError as error:
+        _stop(str(error))
 
 
 @app.command()
@@ -145,16 +175,11 @@ def _choose(name):
     return available[name]
 
 
-def _read_secret(path):
-    if path is None:
-        return PUBLIC_SECRET
+def _secret(path):
     try:
-        key = path.read_bytes()
-    except OSError as error:
-        _stop(f"cannot read the secret {path}: {error.strerror}")
-    if len(key) < 16:
-        _stop(f"the secret {path} has {len(key)} bytes: it needs at least 16 random ones")
-    return key
+        return PUBLIC_SECRET if path is None else read_secret(path)
+    except SecretError as error:
+        _stop(str(error))
 
 
 def _writable(output):
