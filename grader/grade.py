@@ -1,6 +1,5 @@
 """From a submission and an assignment to a result: errors, then time, then the sum."""
 
-import hashlib
 import platform
 import sys
 from dataclasses import replace
@@ -9,6 +8,7 @@ import numpy as np
 
 from grader.evaluate import Outcome, evaluate, recorded_run
 from grader.result import CriterionResult, Episode, Result, Trace, VariantResult
+from grader.secret import fingerprint
 from grader.timing import measure_speed
 
 #: After this many episodes that ran out of time or broke the sandbox the rest are not run: they would take as long.
@@ -127,7 +127,7 @@ def environment(secret):
         "numpy": np.__version__,
         "platform": f"{sys.platform} {platform.machine()}",
         "isolation": "separate processes with limits on memory, output and time; not a security boundary",
-        "secret": hashlib.sha256(secret).hexdigest()[:12],
+        "secret": fingerprint(secret),
     }
 
 
