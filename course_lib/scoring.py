@@ -3,8 +3,12 @@
 import numpy as np
 from numba import njit
 
+from course_lib.angles import wrap
 from course_lib.filters.particles import equally_weighted
 from course_lib.filters.resampling import systematic
+
+# A variance below this share of a component's own is rounding.
+_CERTAIN = 1e-12
 
 
 def best_share_error(distances, weights, share=0.5):
@@ -83,7 +87,49 @@ def region_rank(points, weights, truth):
     to_truth, to_others = _mean_distances(points, weights, np.atleast_2d(truth).astype(float))
     # Σ_j w_j |x_i - x_j| has nothing to say for j = i: there the truth stands in, which makes it one point among N + 1.
     depth = to_others + weights * np.linalg.norm(points - truth, axis=1)
+    if len(points) == 1:
+        # Two points are equally central. But a filter that is sure of one is right there and nowhere else.
+        return float(to_truth[0] > 0.0)
     return float(weights @ (depth < to_truth[0]))
+
+
+def nees(gaussian, truths, angles=()):
+    """Normalised estimation error squared of a Gaussian.
+
+    When the truth is drawn from the Gaussian it is chi-square distributed with d degrees of freedom, so that its mean
+    is d. A larger mean is an overconfident filter's, a smaller one an overcautious one's.
+
+    Parameters
+    ----------
+    gaussian : Gaussian
+        mean (d,), covariance (d, d); the covariance may be singular.
+    truths : ndarray, shape (M, d)
+        One true state, or many.
+    angles : sequence of int
+        Columns that hold angles, in radians: their errors are wrapped.
+
+    Returns
+    -------
+    ndarray, shape (M,)
+        eᵀ P⁻¹ e for each truth, e = truth - mean. Where the Gaussian is certain, a right component adds nothing and a
+        wrong one makes it infinite.
+
+    References
+    ----------
+    Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, Wiley 2001,
+    sec. 5.4.
+    """
+    errors = truths - gaussian.mean
+    columns = list(angles)
+    errors[:, columns] = wrap(errors[:, columns])
+    # In units of the standard deviations, so that metres and radians compare.
+    deviations = np.sqrt(np.maximum(np.diag(gaussian.covariance), 0.0))
+    deviations = np.where(deviations > 0.0, deviations, 1.0)
+    variances, axes = np.linalg.eigh(gaussian.covariance / np.outer(deviations, deviations))
+    squares = (errors / deviations @ axes) ** 2
+    certain = variances <= len(variances) * _CERTAIN
+    squares[:, certain] = np.where(squares[:, certain] > len(variances) * _CERTAIN, np.inf, 0.0)
+    return (squares / np.where(certain, 1.0, variances)).sum(axis=1)
 
 
 def thin(particles, size, rng):

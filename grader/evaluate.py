@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from course_lib.filters import Gaussian, Particles, equally_weighted
-from course_lib.scoring import thin
+from course_lib.scoring import nees, thin
 from grader.assignment import episode_seed
 from grader.sandbox.program import Limits, Program, SandboxError, StudentError
 
@@ -16,6 +16,8 @@ GAUSSIAN_DRAWS = 2000
 FRAME_PARTICLES, FRAME_EVERY = 100, 5
 #: A metric beyond this says that the posterior is nowhere near its world, and would overflow what is made of it.
 LARGEST_METRIC = 1e9
+#: Metric of Gaussian posteriors, whatever the assignment measures.
+NEES = "NEES"
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,7 @@ class Outcome:
     status, message : str
         As in `grader.result.Episode`.
     metrics : dict of str to ndarray
-        Metric name to its values at steps 0, 1, ..., as far as the estimator came.
+        Metric name to its values at steps 0, 1, ..., as far as the estimator came; `NEES` at those with a Gaussian.
     frames : list of dict
         As in `grader.result.Trace`.
     """
@@ -59,7 +61,14 @@ def recorded_run(assignment, variant, episode, secret):
     Returns
     -------
     Run
+
+    Raises
+    ------
+    ValueError
+        The variant is a declaration whose numbers no secret has drawn.
     """
+    if variant.ranges:
+        raise ValueError(f"variant {variant.name} has ranges, not numbers: take it from assignment.under(secret)")
     seed = episode_seed(secret, assignment.name, variant.name, episode, "world")
     return assignment.simulate(variant, np.random.default_rng(seed))
 
@@ -73,7 +82,6 @@ def program(assignment, variant, episode, secret, source=None):
         entry_point=assignment.entry_point,
         constants=variant.constants,
         seed=episode_seed(secret, assignment.name, variant.name, episode, purpose),
-        withheld=assignment.withheld,
     )
 
 
@@ -127,13 +135,17 @@ def _replay(server, assignment, variant, episode, secret, source):
         with server.start(task, limits(assignment), dimension=assignment.dimension) as worker:
             for k in range(run.steps + 1):
                 inputs = (None, None) if k == 0 else (run.observations[k - 1], run.controls[k - 1])
-                particles = _particles(worker.step(*inputs), k, rng)
+                posterior = worker.step(*inputs)
+                particles = _particles(posterior, k, rng)
                 steps.append(_measured(assignment, particles, run.truth[k], k, rng))
+                if isinstance(posterior, Gaussian):
+                    steps[-1][NEES] = _nees(posterior, run.truth[k], assignment.angles)
                 if k % FRAME_EVERY == 0:
                     frames.append(_frame(particles, k, assignment.positions, rng))
     except StudentError as error:
         status, message = error.status, error.message
-    metrics = {name: np.array([step[name] for step in steps]) for name in (steps[0] if steps else ())}
+    names = dict.fromkeys(name for step in steps for name in step)
+    metrics = {name: np.array([step[name] for step in steps if name in step]) for name in names}
     return Outcome(status, message, metrics, frames)
 
 
@@ -161,6 +173,12 @@ def _measured(assignment, particles, truth, k, rng):
             f"step {k}: the states reach {largest:.3g}, too far to be measured: keep them in the world",
         )
     return metrics
+
+
+def _nees(gaussian, truth, angles):
+    """Mean over the truths; a sure and wrong Gaussian's is large, but a number."""
+    with np.errstate(over="ignore"):
+        return float(min(nees(gaussian, np.atleast_2d(truth), angles).mean(), LARGEST_METRIC))
 
 
 def _frame(particles, k, positions, rng):

@@ -82,7 +82,6 @@ def read_secret(path):
     return key
 
 
-
 def fingerprint(secret):
     """What a record calls a secret, so that a grade can be repeated with the right one.
 

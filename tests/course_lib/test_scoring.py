@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import cdist
-from scipy.stats import binomtest, chisquare, kstest, norm
+from scipy.stats import binomtest, chi2, chisquare, kstest, multivariate_normal, norm
 
-from course_lib.filters import Particles, covariance, equally_weighted, mean, normalise
-from course_lib.scoring import best_share_error, energy_score, region_rank, thin
+from course_lib.filters import Gaussian, Particles, covariance, equally_weighted, mean, normalise
+from course_lib.scoring import best_share_error, energy_score, nees, region_rank, thin
 
 FALSE_ALARM = 1e-6
 
@@ -147,6 +147,58 @@ def test_rank_at_the_centre_and_outside():
     points = np.random.default_rng(36).normal(size=(200, 2))
     assert region_rank(points, equal(200), np.zeros(2)) < 0.05
     assert region_rank(points, equal(200), np.array([30.0, 0.0])) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("copies", [1, 2, 50])
+def test_one_place_is_right_there_and_nowhere_else(copies):
+    points = np.repeat([[1.0, 2.0]], copies, axis=0)
+    assert region_rank(points, equal(copies), np.array([1.0, 2.0])) == 0.0
+    assert region_rank(points, equal(copies), np.array([1.0, 2.1])) == pytest.approx(1.0)
+
+
+# normalised estimation error squared
+
+
+def a_gaussian(rng, d):
+    root = rng.normal(size=(d, d)) * 10.0 ** rng.uniform(-3, 3, size=(d, 1))
+    return Gaussian(rng.normal(size=d), root @ root.T)
+
+
+@pytest.mark.parametrize("d", [1, 2, 6])
+def test_nees_of_truths_drawn_from_the_gaussian_is_chi_square(d):
+    rng = np.random.default_rng(41)
+    gaussian = a_gaussian(rng, d)
+    values = nees(gaussian, rng.multivariate_normal(*gaussian, size=20_000, method="eigh"))
+    assert kstest(values, chi2(d).cdf).pvalue > FALSE_ALARM
+    # Mean d and variance 2d, by z-tests: a squared deviation has the variance 12 d (d + 4) - (2d)² = 8 d (d + 6).
+    assert abs(values.mean() - d) < norm.isf(FALSE_ALARM / 2) * np.sqrt(2 * d / 20_000)
+    squares = (values - d) ** 2
+    assert abs(squares.mean() - 2 * d) < norm.isf(FALSE_ALARM / 2) * np.sqrt(8 * d * (d + 6) / 20_000)
+
+
+@given(st.integers(1, 6), st.integers(0, 2**32 - 1))
+def test_nees_is_twice_what_the_density_lost_since_its_peak(d, seed):
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(d, d)) + 3.0 * np.eye(d)
+    gaussian, truths = Gaussian(rng.normal(size=d), root @ root.T + 0.1 * np.eye(d)), rng.normal(size=(3, d))
+    density = multivariate_normal(*gaussian)
+    expected = 2.0 * np.atleast_1d(density.logpdf(gaussian.mean) - density.logpdf(truths))
+    np.testing.assert_allclose(nees(gaussian, truths), expected, rtol=1e-6, atol=1e-9)
+
+
+def test_nees_knows_that_a_full_turn_is_no_error():
+    gaussian = Gaussian(np.array([1.0, np.pi - 0.1]), np.diag([0.04, 0.01]))
+    truths = np.array([[1.0, -np.pi + 0.1], [1.2, np.pi - 0.1 - 6.0 * np.pi]])
+    np.testing.assert_allclose(nees(gaussian, truths, angles=(1,)), [4.0, 1.0])
+    assert nees(gaussian, truths)[0] > 1000.0
+    np.testing.assert_allclose(truths[0], [1.0, -np.pi + 0.1])
+
+
+def test_nees_where_the_gaussian_is_certain():
+    flat = Gaussian(np.zeros(2), np.outer([1.0, 2.0], [1.0, 2.0]))
+    np.testing.assert_allclose(nees(flat, np.array([[1.5, 3.0], [1.5, 3.1]])), [2.25, np.inf])
+    sure = Gaussian(np.ones(3), np.zeros((3, 3)))
+    np.testing.assert_allclose(nees(sure, np.array([[1.0, 1.0, 1.0], [1.0, 1.0, 1.1]])), [0.0, np.inf])
 
 
 # thinning
