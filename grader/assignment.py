@@ -3,7 +3,7 @@
 import hashlib
 import hmac
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,37 @@ class Criterion:
         return float(min(max(share, 0.0), 1.0)) if np.isfinite(share) else 0.0
 
 
+@dataclass(frozen=True)
+class Uniform:
+    """A number between two others, rounded to three significant digits so that a report can be read.
+
+    Attributes
+    ----------
+    low, high : float
+        Of at most three significant digits, so that rounding does not leave the range.
+    """
+
+    low: float
+    high: float
+
+    def __call__(self, rng):
+        """Draw one."""
+        return _rounded(rng.uniform(self.low, self.high))
+
+
+@dataclass(frozen=True)
+class LogUniform(Uniform):
+    """A positive number whose logarithm is uniform: as likely between 1 and 2 as between 2 and 4."""
+
+    def __call__(self, rng):
+        """Draw one."""
+        return _rounded(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
+
+
+def _rounded(value):
+    return float(f"{value:.3g}")
+
+
 @dataclass(frozen=True, eq=False)
 class Variant:
     """One setting of the world.
@@ -53,6 +84,11 @@ class Variant:
     episodes : int
         How many runs are replayed.
     criteria : tuple of Criterion
+    ranges : dict of str to callable
+        Fields of `constants` or `hidden` that the secret chooses: `draw(rng)` returns a value, as `Uniform` and
+        `LogUniform` do. Until then, and empty in most variants, they are what the two records say.
+    drawn : dict of str to object
+        What the secret chose, for the instructor's record: no title and nothing a student reads names it.
     """
 
     name: str
@@ -61,11 +97,39 @@ class Variant:
     hidden: Any
     episodes: int
     criteria: tuple[Criterion, ...]
+    ranges: dict[str, Callable] = field(default_factory=dict)
+    drawn: dict[str, Any] = field(default_factory=dict)
 
     @property
     def points(self):
         """The most this variant can earn."""
         return sum(criterion.points for criterion in self.criteria)
+
+    def under(self, secret, assignment):
+        """This variant with what the secret draws from its ranges; itself when it has none.
+
+        Parameters
+        ----------
+        secret : bytes
+        assignment : str
+            Name of the assignment. Each field is drawn by a stream of its own: no other field, variant or assignment
+            has a say in it.
+        """
+        if not self.ranges:
+            return self
+        drawn = {
+            name: draw(np.random.default_rng(seed(secret, assignment, self.name, name, "drawn")))
+            for name, draw in self.ranges.items()
+        }
+        told = {name: value for name, value in drawn.items() if hasattr(self.constants, name)}
+        untold = {name: value for name, value in drawn.items() if name not in told}
+        return replace(
+            self,
+            constants=replace(self.constants, **told),
+            hidden=replace(self.hidden, **untold),
+            ranges={},
+            drawn=drawn,
+        )
 
 
 @dataclass(frozen=True)
@@ -109,6 +173,8 @@ class Assignment:
         `measure(posterior, truth, rng) -> dict` of metric name to float, for one step; `truth` is a row of `Run.truth`.
     dimension : int
         Columns of a state.
+    angles : tuple of int
+        Those of them that are angles, in radians.
     picture : callable
         `picture(variant) -> dict` of what a drawing of the world needs: room, sensors, axis titles.
     positions : tuple of (int, int)
@@ -131,6 +197,7 @@ class Assignment:
     simulate: Callable
     measure: Callable
     dimension: int
+    angles: tuple[int, ...]
     picture: Callable
     positions: tuple[tuple[int, int], ...]
     variants: tuple[Variant, ...]
@@ -148,9 +215,33 @@ class Assignment:
         """The variant of this name."""
         return next(variant for variant in self.variants if variant.name == name)
 
+    def under(self, secret):
+        """The assignment as a class with this secret meets it: every variant has its numbers.
+
+        Whatever simulates or grades takes this one; the declaration itself has ranges where it needs numbers.
+        """
+        return replace(self, variants=tuple(variant.under(secret, self.name) for variant in self.variants))
+
+
+def seed(secret, *words):
+    """A 128-bit seed nobody can guess without the secret.
+
+    Parameters
+    ----------
+    secret : bytes
+    words : str
+        What the seed is for; without `|`. Different words have unrelated seeds.
+
+    Returns
+    -------
+    int
+        HMAC-SHA256 of the words, cut to 128 bits; a seed for `numpy.random.default_rng`.
+    """
+    return int.from_bytes(hmac.digest(secret, "|".join(words).encode(), hashlib.sha256)[:16], "little")
+
 
 def episode_seed(secret, assignment, variant, episode, purpose):
-    """A 128-bit seed nobody can guess without the secret.
+    """The `seed` of one stream in one episode.
 
     Parameters
     ----------
@@ -164,7 +255,5 @@ def episode_seed(secret, assignment, variant, episode, purpose):
     Returns
     -------
     int
-        HMAC-SHA256 of what names the episode, cut to 128 bits; a seed for `numpy.random.default_rng`.
     """
-    words = "|".join([assignment, variant, str(episode), purpose])
-    return int.from_bytes(hmac.digest(secret, words.encode(), hashlib.sha256)[:16], "little")
+    return seed(secret, assignment, variant, str(episode), purpose)

@@ -102,6 +102,7 @@ def grade(submission, assignment, server, reference_server, references, secret, 
         speed=speed,
         trace=_worst(assignment, outcomes, references, secret),
         environment=environment(secret),
+        dimension=assignment.dimension,
     )
 
 
@@ -156,7 +157,7 @@ def _variant_result(variant, outcomes, references):
         Episode(index, outcome.status, outcome.message, outcome.values, reference.values)
         for index, (outcome, reference) in enumerate(zip(outcomes, references, strict=True))
     ]
-    return VariantResult(variant.name, variant.title, criteria, episodes)
+    return VariantResult(variant.name, variant.title, criteria, episodes, drawn=variant.drawn)
 
 
 def _worst(assignment, outcomes, references, secret):

@@ -42,12 +42,16 @@ class CriterionResult:
 
 @dataclass(frozen=True)
 class VariantResult:
-    """What one variant earned."""
+    """What one variant earned.
+
+    `drawn` is what the secret chose of its world: for the instructor, who may have to explain a grade, not for students.
+    """
 
     name: str
     title: str
     criteria: list[CriterionResult]
     episodes: list[Episode]
+    drawn: dict = field(default_factory=dict)
 
     @property
     def points(self):
@@ -144,6 +148,8 @@ class Result:
     trace : Trace or None
     environment : dict
         Versions, isolation, secret's fingerprint: what a repetition needs.
+    dimension : int
+        Columns of a state: degrees of freedom of a "NEES".
     """
 
     submission: str
@@ -158,6 +164,7 @@ class Result:
     speed: SpeedResult | None = None
     trace: Trace | None = None
     environment: dict = field(default_factory=dict)
+    dimension: int = 0
 
     def to_json(self):
         """The record as JSON text."""

@@ -161,6 +161,7 @@ ASSIGNMENTS = (
         simulate=simulate,
         measure=measure,
         dimension=6,
+        angles=(2, 5),
         picture=picture,
         positions=((0, 1), (3, 4)),
         variants=VARIANTS,
