@@ -7,7 +7,7 @@ import numpy as np
 from course_lib.scoring import best_share_error, energy_score, region_rank, thin
 from course_lib.vacuum.constants import Constants, Hidden
 from course_lib.vacuum.world import World
-from grader.assignment import Assignment, Criterion, Speed, Variant
+from grader.assignment import Assignment, Criterion, LogUniform, Speed, Uniform, Variant
 
 #: Particles that stand for a posterior in the scores that cost O(N²).
 SCORED_PARTICLES = 200
@@ -95,6 +95,7 @@ def _variant(
     limits=(ACCURACY, PROPER),
     constants=None,
     hidden=None,
+    ranges=None,
 ):
     accuracy, proper = points
     return Variant(
@@ -104,29 +105,30 @@ def _variant(
         hidden=replace(Hidden(steps=steps), **(hidden or {})),
         episodes=episodes,
         criteria=(Criterion(metric, accuracy, *limits[0]), Criterion("energy score", proper, *limits[1])),
+        ranges=ranges or {},
     )
 
 
 VARIANTS = (
     _variant("default", "the exercise as it is", (18, 8), episodes=6, steps=200),
-    _variant("precise", "precise sensors: w̄ = 0.5 m", (3, 1), constants={"w_bar": 0.5}),
+    _variant("precise", "precise sensors: w̄ = 0.5 m", (2, 1), constants={"w_bar": 0.5}),
     # Where many filters lose a robot: few points, and an episode more.
     _variant("sharp", "very precise sensors: w̄ = 0.2 m", (1, 1), episodes=3, constants={"w_bar": 0.2}),
-    _variant("noisy", "noisy sensors: w̄ = 2 m", (3, 1), constants={"w_bar": 2.0}),
-    _variant("unmistaken", "sensors never take the wrong robot: s̄ = 0", (3, 1), constants={"s_bar": 0.0}),
-    _variant("mistaken", "sensors take either robot: s̄ = 0.5", (3, 1), constants={"s_bar": 0.5}),
-    _variant("mirror", "ideal reflections: v̄ = 0", (3, 1), limits=MIRROR, constants={"v_bar": 0.0}),
+    _variant("noisy", "noisy sensors: w̄ = 2 m", (2, 1), constants={"w_bar": 2.0}),
+    _variant("unmistaken", "sensors never take the wrong robot: s̄ = 0", (2, 1), constants={"s_bar": 0.0}),
+    _variant("mistaken", "sensors take either robot: s̄ = 0.5", (2, 1), constants={"s_bar": 0.5}),
+    _variant("mirror", "ideal reflections: v̄ = 0", (2, 1), limits=MIRROR, constants={"v_bar": 0.0}),
     _variant("rebound", "slightly random reflections: v̄ = 0.3", (1, 1), constants={"v_bar": 0.3}),
-    _variant("talkative", "every sensor reports in every step", (3, 1), hidden={"report_probability": 1.0}),
-    _variant("taciturn", "a sensor reports once in 20 steps", (3, 1), hidden={"report_probability": 0.05}),
-    _variant("fast", "fast robots: 2 to 4 m/s", (3, 1), hidden={"slowest": 2.0, "fastest": 4.0}),
-    _variant("steady", "speeds that never change", (3, 1), hidden={"shortest_segment": 100, "longest_segment": 100}),
-    _variant("hall", "a room of 10 m, sampled every 0.2 s", (3, 1), constants={"L": 10.0, "Ts": 0.2}),
-    _variant("2017", "as in 2017: a room of 2L × L, random speeds", (3, 1), constants={"length": 2.0, "v_s_bar": 0.1}),
+    _variant("talkative", "every sensor reports in every step", (2, 1), hidden={"report_probability": 1.0}),
+    _variant("taciturn", "a sensor reports once in 20 steps", (2, 1), hidden={"report_probability": 0.05}),
+    _variant("fast", "fast robots: 2 to 4 m/s", (2, 1), hidden={"slowest": 2.0, "fastest": 4.0}),
+    _variant("steady", "speeds that never change", (2, 1), hidden={"shortest_segment": 100, "longest_segment": 100}),
+    _variant("hall", "a room of 10 m, sampled every 0.2 s", (2, 1), constants={"L": 10.0, "Ts": 0.2}),
+    _variant("2017", "as in 2017: a room of 2L × L, random speeds", (2, 1), constants={"length": 2.0, "v_s_bar": 0.1}),
     _variant(
         "2018",
         "as in 2018: as in 2017, and all particles count",
-        (3, 1),
+        (2, 1),
         metric="all particles",
         constants={"length": 2.0, "v_s_bar": 0.1},
     ),
@@ -138,6 +140,35 @@ VARIANTS = (
         limits=(COARSE, COARSE),
         constants={"Ts": 0.5},
         hidden={"shortest_segment": 1, "longest_segment": 3, "fastest": 4.0, "report_probability": 0.4},
+    ),
+    # What the course's secret draws nobody can have tuned to. The ranges keep out what needs limits of its own.
+    _variant(
+        "drawn room",
+        "a room of your grader's choosing",
+        (3, 1),
+        ranges={"L": Uniform(6.0, 10.0), "length": Uniform(1.0, 1.8)},
+    ),
+    _variant(
+        "drawn sensors",
+        "sensors of your grader's choosing",
+        (3, 1),
+        ranges={
+            "w_bar": LogUniform(0.4, 2.5),
+            "s_bar": Uniform(0.15, 0.45),
+            "report_probability": LogUniform(0.1, 0.6),
+        },
+    ),
+    _variant(
+        "drawn robots",
+        "speeds, bounces and a sampling time of your grader's choosing",
+        (3, 1),
+        ranges={
+            "Ts": LogUniform(0.15, 0.3),
+            "v_bar": Uniform(0.4, 0.9),
+            "v_s_bar": Uniform(0.02, 0.1),
+            "slowest": Uniform(0.5, 1.2),
+            "fastest": Uniform(1.8, 3.0),
+        },
     ),
     Variant(
         name="silent",
