@@ -10,6 +10,10 @@ import numpy as np
 
 #: Keys the episodes when the instructor gives no secret: anyone can repeat these.
 PUBLIC_SECRET = b"public episodes"
+#: What costs no points must be at least this many times the reference's CPU time.
+FAIREST_LIMIT = 2.0
+#: Updates that a timed run has at least.
+FEWEST_TIMED = 10
 
 
 @dataclass(frozen=True)
@@ -145,6 +149,11 @@ class Speed:
     points : float
     full, none : float
         Ratios of the submission's CPU time to the reference's: full marks up to the first, none from the second.
+
+    Raises
+    ------
+    ValueError
+        Limits that a noisy machine could turn into luck.
     """
 
     variant: str
@@ -152,6 +161,15 @@ class Speed:
     points: float
     full: float
     none: float
+
+    def __post_init__(self):
+        if not self.none > self.full >= FAIREST_LIMIT:
+            raise ValueError(
+                f"speed of {self.variant}: full marks up to {self.full:g} times the reference's CPU time and none from "
+                f"{self.none:g}: the first must be at least {FAIREST_LIMIT:g}, the second larger"
+            )
+        if self.steps < FEWEST_TIMED:
+            raise ValueError(f"speed of {self.variant}: {self.steps} updates are too few to time: take {FEWEST_TIMED}")
 
 
 @dataclass(frozen=True, eq=False)
