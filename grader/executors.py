@@ -81,13 +81,13 @@ class Pool:
 
 
 def _set_up(name, secret, turn):
-    assignment = assignments()[name]
+    assignment = assignments()[name].under(secret)
     constants = assignment.variants[0].constants
     _bench.update(
         assignment=assignment,
         secret=secret,
         turn=turn,
-        server=Server(preload=(type(constants).__module__,)),
+        server=Server(preload=(type(constants).__module__,), withheld=assignment.withheld),
         reference_server=Server(trusted=assignment.reference),
     )
 

@@ -15,6 +15,23 @@ KEPT_BYTES = 4096
 _PIPE_BYTES = 1 << 20
 
 
+#: Between two looks at what a program is doing during a call.
+WATCH_SECONDS = 0.25
+#: A busy machine lengthens deadlines up to so many times: a program can make the machine busy itself.
+MOST_PATIENCE = 8.0
+
+
+def patience():
+    """How many times longer than on an idle machine a program may take by the clock on the wall: processes per core."""
+    try:
+        with open("/proc/loadavg") as file:
+            recent, _, _, now, _ = file.read().split()
+        load = max(float(recent), float(now.partition("/")[0]))
+    except OSError:
+        load = os.getloadavg()[0]
+    return min(max(load / (os.cpu_count() or 1), 1.0), MOST_PATIENCE)
+
+
 class Flooded(Exception):
     """More was printed than may be."""
 
@@ -67,16 +84,18 @@ class Channel:
         poll.register(self._replies, select.POLLIN)
         return any(event & select.POLLIN for _, event in poll.poll(0))
 
-    def exchange(self, buffers, seconds, caps):
+    def exchange(self, buffers, seconds, caps, watch=None):
         """Write, then read one frame, and collect what is printed meanwhile.
 
         Parameters
         ----------
         buffers : list of bytes-like
         seconds : float
-            Wall time for all of it.
+            Wall time for all of it, on a machine that is not busy.
         caps : dict of int to int
             As in `wire.decode_header`.
+        watch : callable, optional
+            Called about every `WATCH_SECONDS` meanwhile; what it raises ends the exchange.
 
         Returns
         -------
@@ -88,7 +107,8 @@ class Channel:
         ------
         TimeoutError, Flooded, HungUp, WireError
         """
-        deadline = time.monotonic() + seconds
+        start = time.monotonic()
+        deadline, look = start + seconds, start + WATCH_SECONDS
         pending = [memoryview(buffer) for buffer in buffers]
         kind, data = None, np.empty(wire.HEADER_BYTES, dtype=np.uint8)
         missing = memoryview(data)
@@ -103,10 +123,15 @@ class Channel:
                 data = np.empty(length, dtype=np.uint8)
                 missing = memoryview(data)
                 continue
-            left = deadline - time.monotonic()
-            if left <= 0:
-                raise TimeoutError
-            for fd, _ in poll.poll(1000 * left):
+            now = time.monotonic()
+            if now >= deadline:
+                deadline = start + seconds * patience()
+                if now >= deadline:
+                    raise TimeoutError
+            if now >= look and watch is not None:
+                watch()
+                look = now + WATCH_SECONDS
+            for fd, _ in poll.poll(1000 * min(deadline - now, WATCH_SECONDS)):
                 if fd == self._requests:
                     pending = self._write(pending)
                     if not pending:

@@ -15,9 +15,9 @@ from dataclasses import fields
 import numpy as np
 
 from grader.sandbox import wire
-from grader.sandbox.channel import Channel, Flooded, HungUp
+from grader.sandbox.channel import WATCH_SECONDS, Channel, Flooded, HungUp
 from grader.sandbox.posterior import PosteriorError, check
-from grader.sandbox.program import SandboxError, StudentError
+from grader.sandbox.program import Escape, SandboxError, StudentError
 from grader.sandbox.zygote import remove
 
 #: Characters that are kept of what a program says of its own failure.
@@ -29,17 +29,22 @@ GRACE_SECONDS = 1.0
 _TEXT_BYTES = 4096
 
 
+class _Filled(Exception):
+    pass
+
+
 class Worker:
     """One program in one process for one episode; a context manager. `Server.start` makes it."""
 
     def __init__(self, server, program, limits, dimension):
         self._server, self._program, self._limits, self._dimension = server, program, limits, dimension
         self._step = 0
-        self._pid, self._cpu_seconds = None, 0.0
+        self._name, self._pid, self._cpu_seconds = None, None, 0.0
+        self._waited, self._looked = 0.0, time.monotonic()
         self._directory = tempfile.mkdtemp(dir=server.directory)
         self._channel = Channel(limits.printed_bytes)
         try:
-            self._pid = server.ask("fork", self._channel.theirs, directory=self._directory)["pid"]
+            self._name, self._pid = server.fork(self._channel.theirs, self._directory)
             self._channel.close_theirs()
             self._prepare()
         except BaseException:
@@ -86,11 +91,14 @@ class Worker:
         # The answer must repeat the token, which nobody can know before the request is there.
         token = float(secrets.randbits(52))
         buffers = wire.encode_arrays([[token, observation is not None, control is not None], *inputs])
-        seconds = self._limits.call
+        seconds = min(self._limits.call, max(self._limits.episode - self._waited, 0.0))
         if self._step == 0:
             seconds = self._limits.first_call
             buffers = wire.encode_text(self._program.source or "") + buffers
+        start = time.monotonic()
         posterior = self._exchange(buffers, seconds, token)
+        if self._step > 0:
+            self._waited += time.monotonic() - start
         self._step += 1
         return posterior
 
@@ -112,9 +120,16 @@ class Worker:
         self._signal(signal.SIGCONT)
 
     def close(self):
-        """Kill the process and all that it started, and remove its directory; idempotent."""
+        """Kill the process and all that it started, and remove its directory; idempotent.
+
+        Raises
+        ------
+        Escape
+        """
         try:
             self._end(0.0)
+        except Escape:
+            raise
         except SandboxError:
             pass  # a fork server that is gone has taken its workers with it
 
@@ -128,16 +143,16 @@ class Worker:
             pass  # gone with its fork server: the next step says so
 
     def _end(self, grace):
-        """Close; the exit status, if the process ended by itself within `grace` seconds."""
+        """Close; exit status, if the process ended by itself within `grace` seconds, and whether it was starved."""
         directory, self._directory = self._directory, None
         if directory is None:
-            return None
+            return None, False
         try:
             if self._pid is None:
-                return None
+                return None, False
             self.cpu_seconds()
-            pid, self._pid = self._pid, None
-            return self._server.ask("end", pid=pid, grace=grace)["status"]
+            self._pid = None
+            return self._server.end(self._name, grace)
         finally:
             self._channel.close()
             remove(directory)
@@ -150,8 +165,7 @@ class Worker:
             "trusted": program.trusted,
             "constants": _describe(program.constants),
             "seed": program.seed,
-            "withheld": [] if program.trusted else program.withheld,
-            "memory_bytes": self._limits.memory_bytes,
+            "limits": {name: getattr(self._limits, name) for name in ("memory_bytes", "disk_bytes", "threads")},
         }
         try:
             _, payload = self._channel.exchange(
@@ -173,7 +187,9 @@ class Worker:
             wire.TEXT: _TEXT_BYTES,
         }
         try:
-            kind, payload = self._channel.exchange(buffers, seconds, caps)
+            kind, payload = self._channel.exchange(buffers, seconds, caps, self._watch)
+            if time.monotonic() > self._looked + WATCH_SECONDS:
+                self._watch()
             if kind == wire.ARRAYS:
                 answered, posterior = wire.decode_posterior(wire.decode_arrays(payload))
                 if answered != token:
@@ -181,10 +197,14 @@ class Worker:
                 return check(posterior, self._dimension, limits.particles)
             status, message = self._confession(wire.decode_text(payload))
         except TimeoutError:
-            loading = "loading the file and the first call" if step == 0 else "the call"
-            status, message = "timeout", f"step {step}: {loading} took longer than {seconds:g} s"
+            what = "loading the file and the first call" if step == 0 else "the call"
+            if 0 < step and seconds < limits.call:
+                what, seconds = "all calls up to this one", limits.episode
+            status, message = "timeout", f"step {step}: {what} took longer than {seconds:g} s"
         except Flooded:
             status, message = "flooded", f"printed over {limits.printed_bytes / 1e6:g} MB; remove the print calls"
+        except _Filled as error:
+            status, message = "disk", f"step {step}: {error}"
         except HungUp:
             status, message = self._obituary()
         except PosteriorError as error:
@@ -193,6 +213,23 @@ class Worker:
             status, message = "invalid posterior", f"step {step}: expected a posterior, got {error}"
         self.close()
         raise StudentError(status, message)
+
+    def _watch(self):
+        """Raise _Filled if the program keeps more files than it may."""
+        self._looked = time.monotonic()
+        limits, used, files = self._limits, 0, 0
+        try:
+            for path, directories, names in os.walk(self._directory, onerror=_raise):
+                files += len(directories) + len(names)
+                if files > limits.files:
+                    raise _Filled(f"keeps over {limits.files} files")
+                used += sum(os.lstat(os.path.join(path, name)).st_blocks for name in names) * 512
+        except FileNotFoundError:
+            return  # it has just removed one
+        except OSError as error:
+            raise _Filled("keeps a directory that cannot be looked into") from error
+        if used > limits.disk_bytes:
+            raise _Filled(f"keeps over {limits.disk_bytes >> 20} MB of files")
 
     def _confession(self, text):
         """Status and message of a failure as the worker tells it: untrusted, so made one printable line."""
@@ -214,12 +251,18 @@ class Worker:
         """Status and message of a process that hung up without a word."""
         where = f"at step {self._step}"
         name = self._program.entry_point
-        code = self._end(GRACE_SECONDS)
+        code, starved = self._end(GRACE_SECONDS)
+        if starved:
+            return "memory", f"{name} ran out of memory {where} and was killed"
         if code is None:
             return "exited", f"{name} closed its connection {where}: leave file descriptors alone"
         if code < 0:
             return "crashed", f"{name} was killed {where} by {signal.Signals(-code).name}"
         return "exited", f"{name} ended the process {where} with exit status {code}: return a posterior instead"
+
+
+def _raise(error):
+    raise error
 
 
 def _describe(constants):

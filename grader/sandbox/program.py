@@ -8,13 +8,17 @@ class SandboxError(Exception):
     """The sandbox itself does not work: the instructor's problem, not the student's."""
 
 
+class Escape(SandboxError):
+    """Something outlived a program that its isolation should not have let begin."""
+
+
 class StudentError(Exception):
     """A program failed.
 
     Attributes
     ----------
     status : str
-        "crashed", "timeout", "invalid posterior", "flooded", "exited" or "memory".
+        "crashed", "timeout", "invalid posterior", "flooded", "exited", "memory" or "disk".
     message : str
         One line for the student.
     """
@@ -38,8 +42,6 @@ class Program:
         Its module must be importable and its fields numbers, strings or tuples of these.
     seed : int
         Of the estimator's generator.
-    withheld : tuple of str
-        Modules that the source must not import.
     trusted : str or None
         `module:function`, the instructor's own.
     """
@@ -48,7 +50,6 @@ class Program:
     entry_point: str
     constants: Any
     seed: int
-    withheld: tuple[str, ...] = ()
     trusted: str | None = None
 
 
@@ -56,19 +57,31 @@ class Program:
 class Limits:
     """What a worker may use.
 
+    Wall times are deadlines after which it is killed, not grades: on a busy machine they are longer (`host.patience`).
+
     Attributes
     ----------
     first_call, call : float
         Wall seconds for loading the source and the first call together, and for every later call.
+    episode : float
+        Wall seconds for all later calls together.
     memory_bytes : int
-        Address space (Linux only).
+        Address space; in a control group, memory (Linux only).
+    disk_bytes : int
+        Of all files it keeps.
+    files : int
     printed_bytes : int
     particles : int
         Of each target.
+    threads : int
     """
 
     first_call: float = 60.0
     call: float = 5.0
+    episode: float = 120.0
     memory_bytes: int = 4 << 30
+    disk_bytes: int = 16 << 20
+    files: int = 1000
     printed_bytes: int = 1_000_000
     particles: int = 1_000_000
+    threads: int = 64

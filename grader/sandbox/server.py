@@ -8,12 +8,16 @@ import sys
 import tempfile
 from collections.abc import Sequence
 
+from grader.sandbox import bubblewrap, isolation
+from grader.sandbox.cgroup import Cgroup
 from grader.sandbox.host import Worker
-from grader.sandbox.program import SandboxError
+from grader.sandbox.program import Escape, Limits, SandboxError
 from grader.sandbox.zygote import remove
 
 #: Seconds until a fork server has imported everything, and until it must have answered a request.
 LAUNCH_SECONDS, ANSWER_SECONDS = 120.0, 30.0
+#: What a control group may hold beside the limits of one worker: the fork server, and what shuts it in.
+SHARED_BYTES, SHARED_PROCESSES = 1 << 30, 32
 
 
 class Server:
@@ -26,11 +30,30 @@ class Server:
     trusted : str, optional
         `module:function` of a reference that this server's workers run: imported before they are forked, so that
         they begin with their kernels loaded.
+    withheld : sequence of str, optional
+        Modules that programs can neither import nor, from tier 1 on, read.
+    tier : int, optional
+        Of isolation; the strongest available when left out.
+
+    Attributes
+    ----------
+    tier : int
+    directory : str
+        Where its workers have theirs, while it runs.
     """
 
-    def __init__(self, preload: Sequence[str] = (), trusted: str | None = None):
+    def __init__(
+        self,
+        preload: Sequence[str] = (),
+        trusted: str | None = None,
+        *,
+        withheld: Sequence[str] = (),
+        tier: int | None = None,
+    ):
         self._modules = [*preload, *([trusted.partition(":")[0]] if trusted else [])]
-        self._process = None
+        self._withheld = withheld
+        self.tier = isolation.strongest() if tier is None else tier
+        self._process, self._cgroup = None, None
 
     def __enter__(self):
         self._launch()
@@ -74,9 +97,66 @@ class Server:
             process.kill()
             process.wait()
         self._log.close()
+        if self._cgroup is not None:
+            self._cgroup.remove()
+            self._cgroup = None
         remove(self.directory)
 
-    def ask(self, do, descriptors=(), **details):
+    def fork(self, descriptors, directory):
+        """Fork a worker.
+
+        Parameters
+        ----------
+        descriptors : list of int
+            What it reads requests from and writes replies and output to.
+        directory : str
+            Its own.
+
+        Returns
+        -------
+        name, pid : int
+            What the fork server calls it, and its process number here: the same but in a namespace.
+        """
+        name = pid = self._ask("fork", descriptors, directory=directory)["pid"]
+        if self._received:
+            *stale, descriptor = self._received
+            pid = _process_number(descriptor)
+            for each in (*stale, descriptor):
+                os.close(each)
+            self._received = []
+        self._workers.add(name)
+        return name, pid
+
+    def end(self, name, grace):
+        """End a worker with all that it started, and make sure of it.
+
+        Returns
+        -------
+        status : int or None
+            Its exit status if it ended by itself within `grace` seconds; minus the signal's number, if one killed it.
+        starved : bool
+            Whether the kernel has killed it for want of memory.
+
+        Raises
+        ------
+        SandboxError
+            An Escape when something has outlived it that its isolation should not have let begin.
+        """
+        answer = self._ask("end", name=name, grace=grace)
+        self._workers.discard(name)
+        if not self._cgroup:
+            beyond = int(answer["left"] and self.tier > 0)
+            starved = False
+        else:
+            beyond = len(self._cgroup.processes()) - self._own - len(self._workers)
+            before, self._starved = self._starved, self._cgroup.out_of_memory()
+            starved = self._starved > before
+        if beyond > 0:
+            self.close()
+            raise Escape("a program had started processes, which its isolation should not have allowed")
+        return answer["status"], starved
+
+    def _ask(self, do, descriptors=(), **details):
         """Send the fork server a request and return its answer; without one, close and raise SandboxError."""
         if self._process is None:
             raise SandboxError("the fork server is closed")
@@ -87,6 +167,7 @@ class Server:
                 # Nothing else may be under way: a socket hands descriptors over with whatever it reads at once.
                 self._answer(0, LAUNCH_SECONDS)
                 self._imported = True
+                self._own = len(self._cgroup.processes()) if self._cgroup else 0
             socket.send_fds(self._control, [request], list(descriptors))
             return self._answer(self._count, ANSWER_SECONDS)
         except OSError as error:
@@ -100,13 +181,28 @@ class Server:
     def _launch(self):
         """Start the process; the modules are imported while the caller goes on."""
         self.directory = tempfile.mkdtemp(prefix="grader-")
+        # Its workers pass through on the way to their own, and can do no more.
+        os.chmod(self.directory, 0o711)
         self._log = tempfile.TemporaryFile()
+        self._count, self._buffer, self._received, self._imported = 0, b"", [], False
+        self._workers, self._own, self._starved = set(), 0, 0
+        policy = isolation.policy(self.tier, self._withheld, self.directory)
+        request = {"id": 0, "do": "import", "modules": self._modules, "policy": policy}
+        words = [sys.executable, "-P", "-m", "grader.sandbox.zygote"]
+        if self.tier >= 2:
+            words = bubblewrap.command(self.directory) + words
+        if self.tier >= 3:
+            limits = Limits()
+            try:
+                self._cgroup = Cgroup(limits.memory_bytes + SHARED_BYTES, limits.threads + SHARED_PROCESSES)
+            except OSError as error:
+                raise SandboxError(f"no control group can be made any more: {error}") from error
+            words = self._cgroup.entering() + words
         self._control, theirs = socket.socketpair()
         with theirs:
-            request = {"id": 0, "do": "import", "modules": self._modules}
             self._control.sendall(json.dumps(request).encode() + b"\n")
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "grader.sandbox.zygote", str(theirs.fileno()), self.directory],
+                [*words, str(theirs.fileno()), self.directory],
                 stdin=subprocess.DEVNULL,
                 stdout=self._log,
                 stderr=self._log,
@@ -114,13 +210,13 @@ class Server:
                 pass_fds=[theirs.fileno()],
                 start_new_session=True,
             )
-        self._count, self._buffer, self._imported = 0, b"", False
 
     def _answer(self, number, seconds):
         self._control.settimeout(seconds)
         while True:
             while b"\n" not in self._buffer:
-                data = self._control.recv(65536)
+                data, received, _, _ = socket.recv_fds(self._control, 65536, 1)
+                self._received += received
                 if not data:
                     raise SandboxError(f"the fork server died{self._last_words()}")
                 self._buffer += data
@@ -138,9 +234,15 @@ class Server:
         return f": {lines[-1]}" if lines else ""
 
 
+def _process_number(descriptor):
+    """The number here of the process a descriptor stands for, whatever it is called in its own namespace."""
+    with open(f"/proc/self/fdinfo/{descriptor}") as file:
+        return int(next(line.split()[1] for line in file if line.startswith("Pid:")))
+
+
 def _environment():
     """What the fork server needs of this process's environment, and threads and hashing that do not vary."""
-    kept = ("PATH", "HOME", "LD_LIBRARY_PATH", "VIRTUAL_ENV")
+    kept = ("PATH", "HOME", "LD_LIBRARY_PATH", "VIRTUAL_ENV", "XDG_CACHE_HOME")
     return {
         **{name: os.environ[name] for name in kept if name in os.environ},
         **{f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM")},

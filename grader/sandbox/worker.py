@@ -11,14 +11,13 @@ import json
 import linecache
 import os
 import random
-import resource
 import sys
 import traceback
 import types
 
 import numpy as np
 
-from grader.sandbox import wire
+from grader.sandbox import confine, wire
 
 FILE = "submission.py"
 PARAMETERS = ("previous", "observation", "control", "constants", "rng")
@@ -43,17 +42,19 @@ class Withheld(importlib.abc.MetaPathFinder):
             raise ImportError(f"{fullname} holds the answer to this assignment: write your own", name=fullname)
 
 
-def serve(requests, replies):
+def serve(requests, replies, policy):
     """Read a program's setting, then its source, then answer its steps until the host hangs up. Never returns.
 
     Parameters
     ----------
     requests, replies : int
         File descriptors, both blocking.
+    policy : dict
+        As `isolation.policy` describes it.
     """
     settings = json.loads(_read_text(requests))
     try:
-        constants, rng = prepare(settings)
+        constants, rng = prepare(settings, policy)
     except Exception as error:
         _write(replies, wire.encode_text(f"{type(error).__name__}: {error}"))
         os._exit(1)
@@ -77,21 +78,21 @@ def serve(requests, replies):
     os._exit(1)
 
 
-def prepare(settings):
-    """Limit this process and build what the program is given, before a line of its source is read."""
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    if sys.platform == "linux":
-        resource.setrlimit(resource.RLIMIT_AS, (settings["memory_bytes"],) * 2)
+def prepare(settings, policy):
+    """Build what the program is given and shut this process in, before a line of its source is read."""
     constants = build(**settings["constants"])
-    leaked = [name for name in settings["withheld"] if name in sys.modules]
+    withheld = policy["withheld"]
+    leaked = [name for name in withheld if name in sys.modules]
     if leaked:
         raise ImportError(f"{leaked[0]} is withheld from submissions and yet preloaded in their fork server")
-    sys.meta_path.insert(0, Withheld(settings["withheld"]))
+    sys.meta_path.insert(0, Withheld(withheld))
     seed = settings["seed"]
     # A program that draws from the global generators, against the course's advice, is to repeat too.
     random.seed(seed)
     np.random.seed(np.random.SeedSequence(seed, spawn_key=(1,)).generate_state(4))  # noqa: NPY002
-    return constants, np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
+    confine.worker(policy, settings["limits"])
+    return constants, rng
 
 
 def build(module, name, fields):

@@ -1,7 +1,8 @@
 """The fork server: a process that has imported what every program needs and holds no secret.
 
-It forks one worker per episode (a few milliseconds, where a fresh interpreter would take seconds), and ends and reaps
-it when the host says so. When the host hangs up, however it died, the zygote ends all its workers and itself.
+It forks one worker per episode (a few milliseconds, where a fresh interpreter would take seconds), ends and reaps it
+when the host says so, and makes sure that nothing is left. When the host hangs up, however it died, it ends all its
+workers and itself.
 
 Requests and answers are lines of JSON in turn, both ends trusted; a request to fork carries the worker's descriptors.
 """
@@ -18,7 +19,9 @@ import sys
 import time
 import traceback
 
-_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
+from grader.sandbox import confine
+
+_PR_SET_CHILD_SUBREAPER = 36
 
 #: The worker, and what most programs import and takes long. Imported on request, so that a failure is an answer.
 COMMON = (
@@ -37,17 +40,35 @@ def main():
     control = socket.socket(fileno=int(sys.argv[1]))
     directory = sys.argv[2]
     workers = set()
+    policy = {}
     try:
         for request, descriptors in _requests(control):
+            handed = []
             try:
-                answer = _answer(request, descriptors, workers)
+                match request["do"]:
+                    case "import":
+                        policy = request["policy"]
+                        _import(request["modules"])
+                        confine.server(policy, directory)
+                        answer = {}
+                    case "fork":
+                        answer = {"pid": _fork(request["directory"], descriptors, policy, workers)}
+                        if policy["tier"] >= 2:
+                            # The number is that of another namespace: the host finds its own by the descriptor.
+                            handed.append(os.pidfd_open(answer["pid"]))
+                    case "end":
+                        status = _end(request["name"], request["grace"], workers)
+                        answer = {"status": status, "left": _sweep(workers)}
             except Exception as error:
                 answer = {"error": f"{type(error).__name__}: {error}"}
-            control.sendall(json.dumps({"id": request["id"], **answer}).encode() + b"\n")
+            socket.send_fds(control, [json.dumps({"id": request["id"], **answer}).encode() + b"\n"], handed)
+            for descriptor in handed:
+                os.close(descriptor)
     except OSError:
         pass  # the host is gone
     for pid in list(workers):
         _end(pid, 0.0, workers)
+    _sweep(workers)
     remove(directory)
 
 
@@ -69,17 +90,6 @@ def _open(directory):
         pass  # not there, or not ours: rmtree does what it can
 
 
-def _answer(request, descriptors, workers):
-    match request["do"]:
-        case "import":
-            _import(request)
-            return {"pid": os.getpid()}
-        case "fork":
-            return {"pid": _fork(request["directory"], descriptors, workers)}
-        case "end":
-            return {"status": _end(request["pid"], request["grace"], workers)}
-
-
 def _requests(control):
     """Yield each request and the descriptors that came with it, until the host hangs up."""
     buffer, descriptors = b"", []
@@ -95,23 +105,23 @@ def _requests(control):
             descriptors = []
 
 
-def _import(request):
-    for name in [*request["modules"], *COMMON]:
+def _import(modules):
+    for name in [*modules, *COMMON]:
         importlib.import_module(name)
     if sys.platform == "linux":
-        # Orphans of a worker become children of this process, where _end finds them.
+        # Orphans of a worker become children of this process, where _sweep finds them.
         ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     # What is here stays: a worker's garbage collector need not touch, and so copy, its pages.
     gc.collect()
     gc.freeze()
 
 
-def _fork(directory, descriptors, workers):
+def _fork(directory, descriptors, policy, workers):
     parent = os.getpid()
     pid = os.fork()
     if pid == 0:
         try:
-            _become_worker(parent, directory, descriptors)
+            _become_worker(parent, directory, descriptors, policy)
         except BaseException:
             traceback.print_exc()
         os._exit(1)
@@ -121,26 +131,26 @@ def _fork(directory, descriptors, workers):
     return pid
 
 
-def _become_worker(parent, directory, descriptors):
+def _become_worker(parent, directory, descriptors, policy):
     """A session of its own, four descriptors, an empty directory; then the program."""
     os.setsid()
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-        if os.getppid() != parent:
-            os._exit(1)
+    confine.die_with(parent)
     # Out of the way first, so that none is overwritten before it is in place.
     requests, replies, output = (os.dup2(fd, 100 + index, False) for index, fd in enumerate(descriptors))
     nothing = os.open(os.devnull, os.O_RDONLY)
     for target, fd in enumerate([nothing, output, output, requests, replies]):
         os.dup2(fd, target, inheritable=target < 3)
-    # Not a range up to the largest descriptor there may be: that can be a thousand million.
-    for fd in map(int, os.listdir("/dev/fd")):
-        if fd > 4:
-            os.closerange(fd, fd + 1)
+    if policy["tier"] > 0:
+        os.closerange(5, 2**31 - 1)
+    else:
+        # Where the kernel cannot close a range, there may be a thousand million numbers in it.
+        for fd in map(int, os.listdir("/dev/fd")):
+            if fd > 4:
+                os.closerange(fd, fd + 1)
     sys.stdout.reconfigure(line_buffering=True)
     os.chdir(directory)
     os.environ.update(HOME=directory, TMPDIR=directory)
-    sys.modules["grader.sandbox.worker"].serve(3, 4)
+    sys.modules["grader.sandbox.worker"].serve(3, 4, policy)
 
 
 def _end(pid, grace, workers):
@@ -163,12 +173,32 @@ def _end(pid, grace, workers):
         _kill(os.kill, pid)
         os.waitpid(pid, 0)
     workers.discard(pid)
-    # Whatever left the worker's process group is now a child of this process.
+    return os.waitstatus_to_exitcode(status) if done else None
+
+
+def _sweep(workers):
+    """Kill what workers have left behind: whatever is a child of this process and none of them.
+
+    Returns
+    -------
+    bool
+        Whether there was anything.
+    """
+    left = False
     while orphans := _children() - workers:
+        left = True
         for orphan in orphans:
             _kill(os.kill, orphan)
             os.waitpid(orphan, 0)
-    return os.waitstatus_to_exitcode(status) if done else None
+    if workers:
+        return left
+    # Confined, this process cannot list its children, but the kernel says whether it has any.
+    try:
+        while True:
+            os.waitpid(-1, os.WNOHANG)
+            left = True
+    except ChildProcessError:
+        return left
 
 
 def _kill(kill, pid):
