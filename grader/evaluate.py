@@ -8,6 +8,7 @@ import numpy as np
 from course_lib.filters import Gaussian, Particles, equally_weighted
 from course_lib.scoring import nees, thin
 from grader.assignment import episode_seed
+from grader.result import NEES
 from grader.sandbox.program import Limits, Program, SandboxError, StudentError
 
 #: Draws that stand for a Gaussian posterior where a metric wants particles.
@@ -16,8 +17,6 @@ GAUSSIAN_DRAWS = 2000
 FRAME_PARTICLES, FRAME_EVERY = 100, 5
 #: A metric beyond this says that the posterior is nowhere near its world, and would overflow what is made of it.
 LARGEST_METRIC = 1e9
-#: Metric of Gaussian posteriors, whatever the assignment measures.
-NEES = "NEES"
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +135,8 @@ def _replay(server, assignment, variant, episode, secret, source):
             for k in range(run.steps + 1):
                 inputs = (None, None) if k == 0 else (run.observations[k - 1], run.controls[k - 1])
                 posterior = worker.step(*inputs)
-                particles = _particles(posterior, k, rng)
-                steps.append(_measured(assignment, particles, run.truth[k], k, rng))
+                particles = as_particles(posterior, k, rng)
+                steps.append(measured(assignment, particles, run.truth[k], k, rng))
                 if isinstance(posterior, Gaussian):
                     steps[-1][NEES] = _nees(posterior, run.truth[k], assignment.angles)
                 if k % FRAME_EVERY == 0:
@@ -149,7 +148,7 @@ def _replay(server, assignment, variant, episode, secret, source):
     return Outcome(status, message, metrics, frames)
 
 
-def _particles(posterior, k, rng):
+def as_particles(posterior, k, rng):
     """Every posterior as equally or otherwise weighted particles."""
     if isinstance(posterior, Particles):
         return posterior
@@ -162,7 +161,7 @@ def _particles(posterior, k, rng):
     )
 
 
-def _measured(assignment, particles, truth, k, rng):
+def measured(assignment, particles, truth, k, rng):
     """The metrics of one step, all of them numbers one can average and write down."""
     with np.errstate(over="ignore", invalid="ignore"):
         metrics = assignment.measure(particles, truth, rng)

@@ -3,6 +3,10 @@
 import json
 from dataclasses import asdict, dataclass, field
 
+#: Metrics that say whether a posterior means what it says. The first is 1 where the truth lies in the most central 90 %
+#: of the posterior, for assignments that measure it; the second is there for every Gaussian.
+COVERAGE, NEES = "within 90 %", "NEES"
+
 
 @dataclass(frozen=True)
 class Episode:
@@ -75,8 +79,11 @@ class SpeedResult:
     milliseconds, reference_milliseconds : float or None
         CPU time per update on this machine: information, not a grade.
     ratios : list of float
-        One per pair of fresh processes; the grade is their median's.
+        One per pair of fresh processes.
     points, max_points, full, none : float
+    bound : float or None
+        What the submission's ratio is at least, with 95 % confidence: the grade is this one's, so that doubt costs
+        nothing. Never above `ratio`.
     """
 
     status: str
@@ -88,6 +95,7 @@ class SpeedResult:
     max_points: float
     full: float
     none: float
+    bound: float | None = None
 
     @property
     def ratio(self):

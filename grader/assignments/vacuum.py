@@ -8,6 +8,7 @@ from course_lib.scoring import best_share_error, energy_score, region_rank, thin
 from course_lib.vacuum.constants import Constants, Hidden
 from course_lib.vacuum.world import World
 from grader.assignment import Assignment, Criterion, LogUniform, Speed, Uniform, Variant
+from grader.result import COVERAGE
 
 #: Particles that stand for a posterior in the scores that cost O(N²).
 SCORED_PARTICLES = 200
@@ -69,7 +70,7 @@ def measure(particles, truth, rng):
         "best half": float(np.mean([best_share_error(distance, shares) for distance in distances])),
         "all particles": float(np.mean([distance @ shares for distance in distances])),
         "energy score": energy_score(points, weights, truth[None, columns]),
-        "within 90 %": float(region_rank(points, weights, truth[columns]) <= 0.9),
+        COVERAGE: float(region_rank(points, weights, truth[columns]) <= 0.9),
     }
 
 
@@ -153,8 +154,8 @@ VARIANTS = (
         "sensors of your grader's choosing",
         (3, 1),
         ranges={
-            "w_bar": LogUniform(0.4, 2.5),
-            "s_bar": Uniform(0.15, 0.45),
+            "w_bar": LogUniform(1.4, 2.2),
+            "s_bar": Uniform(0.15, 0.35),
             "report_probability": LogUniform(0.1, 0.6),
         },
     ),
