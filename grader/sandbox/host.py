@@ -111,6 +111,14 @@ class Worker:
                 pass  # gone with its fork server: what was read last stands
         return self._cpu_seconds
 
+    def pin(self, core):
+        """Keep the program on one core, where the system can."""
+        if self._pid is not None and hasattr(os, "sched_setaffinity"):
+            try:
+                os.sched_setaffinity(self._pid, {core})
+            except OSError:
+                pass  # not ours to choose: it is only measured less sharply
+
     def stop(self):
         """Halt the program and its process group until `cont`."""
         self._signal(signal.SIGSTOP)
