@@ -1,6 +1,5 @@
 """Every command an instructor types."""
 
-import os
 import sys
 import tempfile
 from concurrent.futures.process import BrokenProcessPool
@@ -13,13 +12,16 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from grader import doctor as examination
 from grader import intake
 from grader.assignment import PUBLIC_SECRET
 from grader.assignments import assignments
 from grader.executors import local_pool
 from grader.grade import refused
+from grader.names import file_name
 from grader.reports import html, terminal
-from grader.sandbox.program import SandboxError
+from grader.sandbox import isolation
+from grader.sandbox.program import SandboxError, StudentError
 from grader.secret import SecretError, fingerprint, new_secret, read_secret
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -42,7 +44,7 @@ def _commands():
 
 @app.command()
 def grade(
-    submissions: Annotated[list[Path], typer.Argument(help="Files (.py, .ipynb) or folders of them.")],
+    submissions: Annotated[list[Path], typer.Argument(help="Files (.py, .ipynb), zips or folders of them.")],
     assignment: Annotated[str | None, typer.Option("--assignment", "-a", help="Which assignment they answer.")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for report.html and results/.")] = Path(
         "grades"
@@ -54,10 +56,17 @@ def grade(
             help="File that chooses the episodes (made by `grader secret new`); without it anyone can repeat them."
         ),
     ] = None,
+    allow_unsandboxed: Annotated[
+        bool,
+        typer.Option(
+            "--allow-unsandboxed", help="Grade even where nothing can shut submissions in: people you know only."
+        ),
+    ] = False,
 ):
     """Grade submissions: print the table, write one JSON record each and an HTML report."""
     chosen = _choose(assignment)
     key = _secret(secret)
+    tier = _tier(allow_unsandboxed)
     programs, refusals = intake.gather(submissions, chosen)
     for refusal in refusals:
         errors.print(f"{refusal.path}: {refusal.reason}", style="red", markup=False)
@@ -67,7 +76,7 @@ def grade(
     results = [refused(refusal, chosen, key) for refusal in refusals]
     for result in results:
         _store(result, output)
-    results += _run(programs, chosen, key, jobs, output)
+    results += _run(programs, chosen, key, jobs, tier, output)
     results.sort(key=lambda result: (-result.points, result.submission))
     console.print(terminal.table(results))
     console.print(terminal.summary(results, chosen.landmarks))
@@ -137,6 +146,44 @@ def release(
         console.print(f"Written: {path.relative_to(root)}", markup=False)
 
 
+@app.command()
+def doctor():
+    """Say how well this machine can shut submissions in, why not better, and how steadily it measures time."""
+    sound = True
+    for tier in isolation.probe():
+        mark, style = ("yes", "green") if tier.available else ("no", "yellow")
+        console.print(f"tier {tier.number}  {mark:3}  {tier.title}", style=style, highlight=False, soft_wrap=True)
+        if not tier.available:
+            console.print(f"{'':13}why not: {tier.reason}\n{'':13}remedy: {tier.remedy}", markup=False, soft_wrap=True)
+    used = isolation.strongest()
+    advice = "" if used else "; it refuses to, but with --allow-unsandboxed"
+    console.print(f"\n`grader grade` uses tier {used}{advice}.\n", highlight=False)
+    for name, value in examination.facts().items():
+        console.print(f"{name}: {value}", highlight=False, markup=False, soft_wrap=True)
+    chosen = next(iter(assignments().values())).under(PUBLIC_SECRET)
+    with Progress(*COLUMNS, console=console, transient=True) as progress:
+        tiers = [tier.number for tier in isolation.probe() if tier.available and tier.number > 0]
+        task = progress.add_task("trying to break out", total=len(tiers) + 1)
+        lines = []
+        try:
+            for tier in tiers:
+                escapes = examination.attempt(tier, chosen)
+                tried = sum(least <= tier for least in examination.ATTEMPTS.values())
+                sound = sound and not escapes
+                found = f"SUCCEEDED: {', '.join(escapes)}" if escapes else f"all {tried} attempts to break out failed"
+                lines.append(f"tier {tier}: {found}")
+                progress.advance(task)
+            progress.update(task, description="timing the reference")
+            ratios = examination.time_reference(chosen, used)
+        except (SandboxError, StudentError) as error:
+            _stop(f"a tier that seemed available does not work: {error}")
+    console.print("\n" + "\n".join(lines), highlight=False, markup=False)
+    shown = ", ".join(f"{ratio:.3f}" for ratio in ratios)
+    console.print(f"\nCPU time of the reference to itself, in pairs of fresh processes: {shown}", highlight=False)
+    if not sound:
+        raise typer.Exit(1)
+
+
 def main():
     """The `grader` command."""
     try:
@@ -146,13 +193,13 @@ def main():
         sys.exit(130)
 
 
-def _run(programs, assignment, secret, jobs, output):
+def _run(programs, assignment, secret, jobs, tier, output):
     """Grade with progress bars, storing each result as soon as it is there."""
     results = []
     try:
         with (
             Progress(*COLUMNS, TimeRemainingColumn(), console=console) as progress,
-            local_pool(assignment, secret, jobs) as pool,
+            local_pool(assignment, secret, jobs, tier) as pool,
         ):
             references = dict(progress.track(pool.references(), len(assignment.variants), description="reference  "))
             graded = pool.grade(programs, references)
@@ -175,6 +222,19 @@ def _choose(name):
     return available[name]
 
 
+def _tier(allow_unsandboxed):
+    """The strongest tier of isolation; without any, grading has to be allowed."""
+    tier = isolation.strongest()
+    if tier == 0 and not allow_unsandboxed:
+        first = isolation.probe()[1]
+        _stop(
+            f"nothing here can shut submissions in ({first.reason}): `grader doctor` says more. "
+            "To grade people you know all the same: --allow-unsandboxed"
+        )
+    console.print(f"Isolation: {isolation.describe(tier)}", style="red" if tier == 0 else None, highlight=False)
+    return tier
+
+
 def _secret(path):
     try:
         return PUBLIC_SECRET if path is None else read_secret(path)
@@ -191,9 +251,7 @@ def _writable(output):
 
 
 def _store(result, output):
-    # Written as in an address, so that two submissions never share a file.
-    name = result.submission.replace("%", "%25").replace(os.sep, "%2F")
-    path = output / "results" / f"{name}.json"
+    path = output / "results" / f"{file_name(result.submission)}.json"
     partial = path.with_suffix(".partial")
     with _storing(output):
         partial.write_text(result.to_json(), encoding="utf-8")

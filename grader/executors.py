@@ -16,7 +16,7 @@ _bench = {}
 
 
 @contextmanager
-def local_pool(assignment, secret, jobs=None):
+def local_pool(assignment, secret, jobs=None, tier=None):
     """Processes that grade.
 
     Parameters
@@ -25,6 +25,8 @@ def local_pool(assignment, secret, jobs=None):
     secret : bytes
     jobs : int, optional
         Number of processes; one per core when left out.
+    tier : int, optional
+        Of isolation; the strongest available when left out.
 
     Yields
     ------
@@ -35,7 +37,7 @@ def local_pool(assignment, secret, jobs=None):
     # Spawned, not forked: the parent holds threads (progress bars), and a fork would copy their locks.
     context = multiprocessing.get_context("spawn")
     turn = context.BoundedSemaphore(max(1, cores - 1))
-    with ProcessPoolExecutor(jobs, context, _set_up, (assignment.name, secret, turn)) as executor:
+    with ProcessPoolExecutor(jobs, context, _set_up, (assignment.name, secret, turn, tier)) as executor:
         try:
             yield Pool(executor, assignment, secret)
         except BaseException:
@@ -80,15 +82,15 @@ class Pool:
                 )
 
 
-def _set_up(name, secret, turn):
+def _set_up(name, secret, turn, tier):
     assignment = assignments()[name].under(secret)
     constants = assignment.variants[0].constants
     _bench.update(
         assignment=assignment,
         secret=secret,
         turn=turn,
-        server=Server(preload=(type(constants).__module__,), withheld=assignment.withheld),
-        reference_server=Server(trusted=assignment.reference),
+        server=Server(preload=(type(constants).__module__,), withheld=assignment.withheld, tier=tier),
+        reference_server=Server(trusted=assignment.reference, tier=tier),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from grader.evaluate import Outcome, evaluate, recorded_run
 from grader.result import CriterionResult, Episode, Result, Trace, VariantResult
+from grader.sandbox import isolation
 from grader.secret import fingerprint
 from grader.timing import measure_speed
 
@@ -82,7 +83,8 @@ def grade(submission, assignment, server, reference_server, references, secret, 
     ]
     if any(outcome.status == "ok" for episodes in outcomes.values() for outcome in episodes):
         with timing_turn:
-            speed = measure_speed(server, reference_server, assignment, secret, submission.source)
+            graded = outcomes[assignment.speed.variant]
+            speed = measure_speed(server, reference_server, assignment, secret, submission.source, graded)
     else:
         speed = None
     points = sum(variant.points for variant in variants) + (speed.points if speed else 0.0)
@@ -101,7 +103,7 @@ def grade(submission, assignment, server, reference_server, references, secret, 
         variants=variants,
         speed=speed,
         trace=_worst(assignment, outcomes, references, secret),
-        environment=environment(secret),
+        environment=environment(secret, server.tier),
         dimension=assignment.dimension,
     )
 
@@ -121,13 +123,13 @@ def refused(refusal, assignment, secret):
     )
 
 
-def environment(secret):
-    """What a repetition of the grade needs to know."""
+def environment(secret, tier=None):
+    """What a repetition of the grade needs to know; without a tier, no program was run."""
     return {
         "python": platform.python_version(),
         "numpy": np.__version__,
         "platform": f"{sys.platform} {platform.machine()}",
-        "isolation": "separate processes with limits on memory, output and time; not a security boundary",
+        "isolation": "nothing was run" if tier is None else isolation.describe(tier),
         "secret": fingerprint(secret),
     }
 
