@@ -56,9 +56,7 @@ def extract(content, entry_point, size_limit):
     RecursionError, MemoryError
         Some expression is nested too deeply for the compiler.
     """
-    cells = code_cells(content)
-    if sum(map(len, cells)) > size_limit:
-        raise ValueError(f"its code cells hold more than {size_limit // 1_000_000} MB: hand in code without data")
+    cells = [_without_magics(text) for text in code_cells(content, size_limit)]
     statements, broken = [], []
     for number, cell in enumerate(cells, start=1):
         try:
@@ -77,13 +75,13 @@ def extract(content, entry_point, size_limit):
     return "".join(f"{line}\n" for line in lines)
 
 
-def code_cells(content):
-    """Text of a notebook's code cells, magics made harmless.
+def code_cells(content, size_limit):
+    """Text of a notebook's code cells; parameters as in `extract`.
 
     Raises
     ------
     ValueError
-        Not JSON, not a notebook, an old format, or no code in it.
+        Not JSON, not a notebook, an old format, or no code in it, or too much.
     """
     try:
         data = json.loads(content)
@@ -98,7 +96,9 @@ def code_cells(content):
     code = [_text(cell.get("source")) for cell in cells if cell.get("cell_type") == "code"]
     if not any(text.strip() for text in code):
         raise ValueError("has no code cells: hand in the notebook you worked in")
-    return [_without_magics(text) for text in code]
+    if sum(map(len, code)) > size_limit:
+        raise ValueError(f"its code cells hold more than {size_limit // 1_000_000} MB: hand in code without data")
+    return code
 
 
 def bound_names(node):
@@ -163,8 +163,11 @@ def _statements(cell, number):
     for node in tree.body:
         first = min([node.lineno] + [d.lineno for d in getattr(node, "decorator_list", [])])
         piece = lines[first - 1 : node.end_lineno]
-        piece[-1] = piece[-1][: node.end_col_offset]
-        piece[0] = piece[0][node.col_offset if first == node.lineno else 0 :]
+        begin = node.col_offset if first == node.lineno else 0
+        if len(piece) == 1:
+            piece[0] = piece[0][begin : node.end_col_offset]
+        else:
+            piece[0], piece[-1] = piece[0][begin:], piece[-1][: node.end_col_offset]
         text = b"\n".join(piece).decode()
         statements.append(_Statement(number, node, text, bound_names(node), _needed_names(text)))
     return statements
@@ -182,12 +185,14 @@ def _closure(statements, entry_point):
             kept.add(i)
         for name in statement.binds:
             binders.setdefault(name, []).append(i)
-    needed, waiting = {entry_point}, [entry_point]
+    needed, waiting, followed = {entry_point}, [entry_point], set()
     while waiting:
         for i in binders.get(waiting.pop(), []):
-            kept.add(i)
-            waiting += statements[i].needs - needed
-            needed |= statements[i].needs
+            if i not in followed:
+                followed.add(i)
+                waiting += statements[i].needs - needed
+                needed |= statements[i].needs
+    kept |= followed
     return [statements[i] for i in sorted(kept)], needed
 
 
