@@ -10,6 +10,8 @@ import jinja2
 import numpy as np
 
 from grader.reports import overview
+from grader.reports.calibration import FALSE_ALARM, calibrations
+from grader.result import COVERAGE, NEES
 
 #: Bars of the histogram.
 BINS = 10
@@ -64,9 +66,11 @@ def render(results, title, when, landmarks):
     )
     environment.filters |= {"average": np.mean, "figure": overview.figure, "fingerprint": _fingerprint, "zip": zip}
     environment.globals |= {
+        "calibrations": calibrations,
         "episode_ratios": episode_ratios,
         "failure_lines": failure_lines,
         "failures": overview.failures,
+        "insecure": overview.insecure,
         "others": other_metrics,
         "ratio": overview.ratio,
         "scale": scale,
@@ -76,7 +80,6 @@ def render(results, title, when, landmarks):
         "curves": curves,
         "pack": pack,
     }
-    environments = {tuple(sorted(result.environment.items())) for result in results}
     return environment.get_template("report.html").render(
         results=results,
         title=title,
@@ -85,7 +88,10 @@ def render(results, title, when, landmarks):
         first=overview.headline(results),
         spread=overview.spread(results),
         bins=histogram(results),
-        environment=dict(environments.pop()) if len(environments) == 1 else {},
+        environment=overview.common_environment(results) or {},
+        isolations=overview.isolations(results),
+        coverage=COVERAGE,
+        false_alarm=FALSE_ALARM,
     )
 
 
@@ -152,8 +158,8 @@ def start_frame(trace):
 
 
 def other_metrics(variant):
-    """What was measured beside the criteria: (metric, mean over finished episodes or None, reference's mean)."""
-    graded = {criterion.metric for criterion in variant.criteria}
+    """What was measured beside criteria and calibration: (metric, mean of finished episodes or None, reference's)."""
+    graded = {COVERAGE, NEES, *(criterion.metric for criterion in variant.criteria)}
     names = dict.fromkeys(name for episode in variant.episodes for name in episode.reference if name not in graded)
     rows = []
     for name in names:

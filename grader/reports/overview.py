@@ -36,6 +36,23 @@ def spread(results):
     return points[0], *quartiles, points[-1]
 
 
+def isolations(results):
+    """Under what isolation programs were run: distinct descriptions, weakest tier first."""
+    graded = [result.environment for result in results if result.status == "graded"]
+    return sorted({environment["isolation"] for environment in graded if "isolation" in environment})
+
+
+def common_environment(results):
+    """What all records say of their environment beside the isolation; None when they differ."""
+    known = [{key: value for key, value in result.environment.items() if key != "isolation"} for result in results]
+    return known[0] if known and all(one == known[0] for one in known) else None
+
+
+def insecure(isolation):
+    """Whether this isolation is no security boundary at all."""
+    return isolation.startswith("tier 0")
+
+
 def comparison(landmarks):
     """What others achieved in the exercise as it is, in a line; empty when an assignment has no such figures."""
     return "; ".join(

@@ -4,8 +4,22 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from grader.reports.overview import comparison, failures, figure, headline, ratio, spread, standing, worst_variant
+from grader.reports.calibration import calibrations
+from grader.reports.overview import (
+    comparison,
+    failures,
+    figure,
+    headline,
+    insecure,
+    isolations,
+    ratio,
+    spread,
+    standing,
+    worst_variant,
+)
+from grader.result import COVERAGE
 
+_MARKS = {"overconfident": "↓", "overcautious": "↑", "": ""}
 _STYLES = {"refused": "red", "failing": "yellow", "ok": ""}
 _LONGEST_NOTE = 160
 
@@ -21,19 +35,20 @@ def table(results):
     Returns
     -------
     rich.table.Table
-        Points; the first criterion of the first variant beside the reference's, the others as ratios to it;
+        Points; the first criterion of the first variant beside the reference's, the others as ratios to it; coverage;
         CPU time as a ratio; the variant that lost most; whether all went well. Below it, what went wrong.
     """
     first = headline(results)
     criteria = first.criteria if first else []
-    rows = Table(box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False, caption_justify="left", caption_style="")
-    rows.add_column("submission", overflow="fold", max_width=32)
+    rows = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, caption_justify="left", caption_style="")
+    rows.add_column("submission", overflow="fold", max_width=26)
     most = f"\nof {results[0].max_points:g}" if results else ""
     rows.add_column(f"points{most}", justify="right", no_wrap=True)
     for i, criterion in enumerate(criteria):
         words = [*criterion.metric.split(), "(reference)" if i == 0 else "to ref."]
         rows.add_column(Text("\n".join(words)), justify="right", no_wrap=True)
     if first:
+        rows.add_column("\n".join(COVERAGE.split(maxsplit=1)), justify="right", no_wrap=True)
         rows.add_column("CPU\nto ref.", justify="right", no_wrap=True)
         rows.add_column("lost most\nin", overflow="fold")
     rows.add_column("state", overflow="fold")
@@ -41,6 +56,7 @@ def table(results):
         cells = [result.submission, f"{result.points:.1f}"]
         if first:
             cells += _criteria(result, len(criteria))
+            cells.append(_coverage(result))
             cells.append(ratio(result.speed.ratio if result.speed else None, 1.0))
             worst = worst_variant(result)
             cells.append(f"{worst.name} {worst.points - worst.max_points:+.1f}" if worst else "–")
@@ -53,7 +69,7 @@ def table(results):
 
 
 def summary(results, landmarks):
-    """The class in a line or two: how many, median and spread of the points, and what others achieved.
+    """The class in a few lines: how many, median and spread of the points, what others achieved, what could be trusted.
 
     Parameters
     ----------
@@ -79,7 +95,12 @@ def summary(results, landmarks):
         line += " (graded ones)" if refused else ""
     if others := comparison(landmarks):
         line += f"\nFor comparison: {others}"
-    return Text(line)
+    if any(_coverage(result)[-1:] in ("↓", "↑") for result in results):
+        line += f"\n{COVERAGE}: ↓ overconfident, ↑ overcautious, beyond what luck and the reference would explain"
+    text = Text(line)
+    for isolation in isolations(results):
+        text.append(f"\nIsolation: {isolation}", style="bold red" if insecure(isolation) else "")
+    return text
 
 
 def _criteria(result, width):
@@ -88,6 +109,12 @@ def _criteria(result, width):
         return ["–"] * width
     first, *others = result.variants[0].criteria
     return [f"{figure(first.value)} ({figure(first.reference)})"] + [ratio(c.value, c.reference) for c in others]
+
+
+def _coverage(result):
+    """How often the truth lay in the 90 % region, and a mark when that is no luck."""
+    found = [c for c in calibrations(result.variants, result.dimension) if c.metric == COVERAGE]
+    return f"{found[0].value:.2f}{_MARKS[found[0].verdict]}" if found else "–"
 
 
 def _state(result):

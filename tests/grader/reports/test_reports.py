@@ -123,7 +123,8 @@ def test_points_and_figures_are_the_records():
     text = Page(render(make(points=71.5))).text
     assert "71.5 / 100" in text and "41.5 / 50" in text
     assert "0.400 (0.300)" in text and "×2.00" in text
-    assert "within 90 % 0.800 (0.900)" in text
+    assert "within 90 % 0.800 (0.90)" in text
+    assert "in 80 % of all steps (the reference’s: 90 %)." in text
 
 
 def test_different_environments_are_not_shown_as_one():
@@ -271,7 +272,7 @@ def test_table_fits_a_hundred_columns_and_says_failures_in_words():
     text = printed(terminal.table(results))
     assert max(map(len, text.splitlines())) <= 100
     words = " ".join(text.split())
-    assert "0.400 (0.300) ×2.00 ×2.00 default -20.0 ok" in words
+    assert "0.400 (0.300) ×2.00 0.80 ×2.00 default -20.0 ok" in words
     assert "– refused" in words and "not timed" in words and "1 of 3 failed" in words
     assert "ben: defines no Estimator" in words and "line 3: KeyError: 'x'" in words
 
@@ -287,3 +288,46 @@ def test_summary():
     assert "5 submissions, 1 refused, 1 with failures" in line
     assert "median 55.0, middle half 47.5 to 62.5, all 40.0 to 70.0" in line
     assert printed(terminal.summary([refuse()], {})) == "1 submission, 1 refused\n"
+
+
+# Whether posteriors mean what they say, and under what isolation that was found
+
+
+def sure(name="sure", **changes):
+    """A result whose posteriors never hold the truth, and whose Gaussians say so too."""
+    values = {"best half": 0.3, "within 90 %": 0.0, "NEES": 60.0}
+    episodes = [Episode(i, "ok", "", values, {"best half": 0.3, "within 90 %": 0.9}) for i in range(4)]
+    criteria = [criterion("best half", 50.0, 50.0, 0.3), criterion("energy score", 0.0, 20.0, 0.9)]
+    variant = VariantResult("default", "as it is", criteria, episodes)
+    return make(name, variants=[variant], dimension=6, **changes)
+
+
+def test_an_overconfident_filter_is_called_so():
+    text = render(make("ana"), sure())
+    # By both measures, in its row and in its variant.
+    assert text.count('class="verdict"') == 4
+    page = Page(text).text
+    assert "in 0 % of all steps (the reference’s: 90 %): overconfident ." in page
+    assert "NEES of the Gaussian posteriors: 60.0, expected 2.71 to 10.7: overconfident ." in page
+    text = printed(terminal.table([make("ana"), sure()]))
+    assert "0.00↓" in text and "0.80↓" not in text
+    assert "↓ overconfident" in printed(terminal.summary([sure()], {}), 120)
+    assert "↓" not in printed(terminal.summary([make("ana")], {}), 120)
+
+
+def test_the_isolation_is_prominent_and_red_when_there_is_none():
+    weak = make("ben", environment=ENVIRONMENT | {"isolation": "tier 0: resource limits only"})
+    nothing = replace(refuse("cem"), environment=ENVIRONMENT | {"isolation": "nothing was run"})
+    for results, tiers, alarm in (
+        ([make("ana"), nothing], ["tier 2"], False),
+        ([make("ana"), weak], ["tier 0: resource limits only", "tier 2"], True),
+    ):
+        text = render(*results)
+        lines = re.findall(r'<p class="(trust[^"]*)">Isolation: ([^<]*)</p>', text)
+        assert [words.split(". ")[0] for _, words in lines] == tiers
+        assert ("trust bad" in [style for style, _ in lines]) == alarm
+        # What differs in nothing else is one environment.
+        assert "0123456789ab" in Page(text).text and "different environments" not in Page(text).text
+        summary = terminal.summary(results, {})
+        assert f"Isolation: {tiers[0]}" in summary.plain
+        assert any("red" in str(span.style) for span in summary.spans) == alarm
