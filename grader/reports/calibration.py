@@ -35,6 +35,11 @@ class Calibration(NamedTuple):
     expected: str
     verdict: str
 
+    @property
+    def figure(self):
+        """The value in so many digits that one sees what it is compared with."""
+        return f"{self.value:.2f}" if self.metric == COVERAGE else f"{self.value:#.3g}"
+
 
 def coverage(episodes):
     """Coverage of the 90 % region, beside the reference's on the same episodes; None when nothing measured it.

@@ -114,7 +114,7 @@ def _criteria(result, width):
 def _coverage(result):
     """How often the truth lay in the 90 % region, and a mark when that is no luck."""
     found = [c for c in calibrations(result.variants, result.dimension) if c.metric == COVERAGE]
-    return f"{found[0].value:.2f}{_MARKS[found[0].verdict]}" if found else "–"
+    return f"{found[0].figure}{_MARKS[found[0].verdict]}" if found else "–"
 
 
 def _state(result):
