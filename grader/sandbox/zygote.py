@@ -12,9 +12,9 @@ import gc
 import importlib
 import json
 import os
-import shutil
 import signal
 import socket
+import stat
 import sys
 import time
 import traceback
@@ -74,20 +74,65 @@ def main():
 
 def remove(directory):
     """Remove a directory in which an untrusted program could write, if it is still there."""
-    # What it has closed to us is opened first; links are left alone.
-    _open(directory)
-    for path, names, _ in os.walk(directory):
-        for name in names:
-            _open(os.path.join(path, name))
-    shutil.rmtree(directory, ignore_errors=True)
-
-
-def _open(directory):
+    here = _open(directory)
+    if here is None:
+        return
+    # By descriptors, up and down: its folders may be nested deeper than Python recurses and than paths may be long.
+    names, stuck = [], [set()]
+    while True:
+        name = _clear(here, stuck[-1])
+        if name is not None:
+            inner = _open(name, here)
+            if inner is None:
+                stuck[-1].add(name)
+                continue
+            os.close(here)
+            here = inner
+            names.append(name)
+            stuck.append(set())
+        elif names:
+            outer = os.open("..", os.O_RDONLY | os.O_DIRECTORY, dir_fd=here)
+            os.close(here)
+            here = outer
+            stuck.pop()
+            name = names.pop()
+            try:
+                os.rmdir(name, dir_fd=here)
+            except OSError:
+                stuck[-1].add(name)
+        else:
+            break
+    os.close(here)
     try:
-        if not os.path.islink(directory):
-            os.chmod(directory, 0o700)
+        os.rmdir(directory)
     except OSError:
-        pass  # not there, or not ours: rmtree does what it can
+        pass  # something in it is stuck, or what it lies in is not ours
+
+
+def _open(name, parent=None):
+    """A descriptor of a directory, which may have been closed to us; None if it cannot be had. Links are left alone."""
+    try:
+        if stat.S_ISLNK(os.lstat(name, dir_fd=parent).st_mode):
+            return None
+        os.chmod(name, 0o700, dir_fd=parent)
+        return os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW, dir_fd=parent)
+    except OSError:
+        return None
+
+
+def _clear(directory, stuck):
+    """Remove files up to the first directory, and return its name; None when there is nothing but what is stuck."""
+    with os.scandir(directory) as entries:
+        for entry in entries:
+            if entry.name in stuck:
+                continue
+            if entry.is_dir(follow_symlinks=False):
+                return entry.name
+            try:
+                os.unlink(entry.name, dir_fd=directory)
+            except OSError:
+                stuck.add(entry.name)
+    return None
 
 
 def _requests(control):
