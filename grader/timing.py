@@ -124,9 +124,9 @@ def bounds(ratios):
     doubt = ndtri(CONFIDENCE) * NOISE
     if n > 1:
         doubt = min(doubt, stdtrit(n - 1, CONFIDENCE) * logs.std(ddof=1))
-    centre, median = logs.mean(), np.median(logs)
-    lower, upper = centre - doubt / np.sqrt(n), centre + doubt / np.sqrt(n)
-    return float(np.exp(min(lower, median))), float(np.exp(max(upper, median)))
+    lower, upper = np.exp(logs.mean() + np.array([-1.0, 1.0]) * doubt / np.sqrt(n))
+    median = np.median(ratios)
+    return float(min(lower, median)), float(max(upper, median))
 
 
 def share(speed, ratio):
@@ -142,8 +142,8 @@ def goes_on(speed, ratios):
     """
     if len(ratios) < PAIRS:
         return not (ratios and min(ratios) > HOPELESS * speed.none)
-    if len(ratios) >= MOST_PAIRS:
-        return False
+    if len(ratios) > PAIRS:
+        return len(ratios) < MOST_PAIRS
     near = speed.full / NEAR <= np.median(ratios) <= speed.full * NEAR
     lower, upper = bounds(ratios)
     return bool(near or speed.points * (share(speed, lower) - share(speed, upper)) > MATTERS)
