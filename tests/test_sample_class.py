@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from grader.reports.calibration import calibrations
 from grader.result import Result
 
 ROOT = Path(__file__).parents[1]
@@ -88,6 +89,21 @@ def test_the_measure_can_be_gamed_and_the_proper_score_cannot(graded):
     honest_half, honest_energy = graded[0]["good_plain"].variants[0].criteria
     assert best_half.value < honest_half.value
     assert energy.value > honest_energy.value
+    assert energy.points < 0.9 * energy.max_points and honest_energy.points > 0.98 * honest_energy.max_points
+
+
+@pytest.mark.parametrize("name", ["gamed_two_centres", "collapses_to_mean"])
+def test_posteriors_that_only_pretend_are_called_overconfident(graded, name):
+    [gamed], [honest] = (calibrations(graded[0][who].variants, 6) for who in (name, "good_plain"))
+    assert gamed.value < 0.1 and gamed.verdict == "overconfident"
+    assert 0.85 < honest.value < 0.95 and honest.verdict == ""
+    assert "overconfident" in graded[2]
+
+
+def test_numbers_that_the_secret_draws_are_hard_coded_in_vain(graded):
+    drawn = {name: graded[0][name].variants for name in ("hard_coded_room", "good_plain")}
+    [hard], [right] = ([v for v in variants if v.name == "drawn room"] for variants in drawn.values())
+    assert hard.points < 0.2 * hard.max_points and right.points > 0.9 * right.max_points
 
 
 def test_table_and_report_name_everybody(graded):

@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 
 from course_lib.vacuum.constants import Constants, Hidden
-from grader.assignment import Criterion, Speed, Variant
+from grader.assignment import Criterion, Speed, Uniform, Variant
 from grader.assignments import assignments
-from grader.grade import PATIENCE, grade, reference_outcomes
+from grader.grade import CAPPED, IMPATIENT, NARROW, PATIENCE, grade, most_episodes, plan, reference_outcome
 from grader.result import Result
 from grader.sandbox.server import Server
+from grader.secret import new_secret, read_secret
 from grader.submission import Submission
 
 SECRET = b"a secret of the tests"
@@ -29,16 +30,30 @@ SHORT = replace(
 )
 
 
+@contextlib.contextmanager
+def judging(assignment, secret, rounds=1):
+    """Grades a source against an assignment, in at most so many rounds of its episodes."""
+    with Server(preload=("course_lib.vacuum.constants",)) as server, Server(trusted=assignment.reference) as trusted:
+        references = {
+            variant.name: [
+                reference_outcome(trusted, assignment, variant, episode, secret)
+                for episode in range(rounds * variant.episodes)
+            ]
+            for variant in assignment.variants
+        }
+
+        def judge(source, **options):
+            submission = Submission("ana", "ana.py", source)
+            turn = contextlib.nullcontext()
+            return grade(submission, assignment, server, trusted, references, secret, turn, **options)
+
+        yield judge
+
+
 @pytest.fixture(scope="module")
 def judge():
     """Grade a source against the short assignment."""
-    with Server(preload=("course_lib.vacuum.constants",)) as server, Server(trusted=SHORT.reference) as trusted:
-        references = {variant.name: reference_outcomes(trusted, SHORT, variant, SECRET) for variant in SHORT.variants}
-
-        def judge(source):
-            submission = Submission("ana", "ana.py", source)
-            return grade(submission, SHORT, server, trusted, references, SECRET, contextlib.nullcontext())
-
+    with judging(SHORT, SECRET) as judge:
         yield judge
 
 
@@ -61,10 +76,134 @@ def test_a_good_filter_earns_full_marks_and_explains_itself(judge):
     assert Result.from_json(result.to_json()) == result
 
 
+def without_time(result):
+    """What is the submission's alone."""
+    low, high = result.interval
+    return replace(
+        result,
+        points=0.0,
+        speed=None,
+        interval=[round(low - result.speed.points, 9), round(high - result.speed.points, 9)],
+    )
+
+
 def test_a_grade_repeats_bit_for_bit(judge):
     first, second = judge(GOOD), judge(GOOD)
-    # CPU time is the machine's, everything else is the submission's.
-    assert replace(first, points=0.0, speed=None) == replace(second, points=0.0, speed=None)
+    assert without_time(first) == without_time(second)
+
+
+def test_drawn_variants_repeat_bit_for_bit_from_the_file_of_the_secret(tmp_path):
+    wide = {"L": Uniform(3.0, 9.0), "slowest": Uniform(0.2, 1.0)}
+    default = SHORT.variants[0]
+    declared = replace(SHORT, variants=(default, replace(default, name="drawn", constants=Constants(), ranges=wide)))
+    new_secret(tmp_path / "ours")
+    new_secret(tmp_path / "another")
+
+    def graded(name):
+        secret = read_secret(tmp_path / name)
+        with judging(declared.under(secret), secret) as judge:
+            return without_time(judge(GOOD))
+
+    first, again, other = graded("ours"), graded("ours"), graded("another")
+    assert first.to_json() == again.to_json()
+    assert first.variants[1].drawn.keys() == wide.keys()
+    assert first.environment["secret"] != other.environment["secret"]
+    for name in wide:
+        assert first.variants[1].drawn[name] != other.variants[1].drawn[name]
+    for ours, theirs in zip(first.variants, other.variants, strict=True):
+        assert all(a.reference != b.reference for a, b in zip(ours.episodes, theirs.episodes, strict=True))
+
+
+def test_what_was_drawn_is_in_the_record_and_in_no_line_for_students():
+    secret = b"a secret with another room"
+    declared = replace(SHORT, variants=(replace(SHORT.variants[0], ranges={"L": Uniform(6.0, 9.0)}),))
+    with judging(declared.under(secret), secret) as judge:
+        result = judge(broken("observation is not None", "return None"))
+    [variant] = result.variants
+    assert 6.0 <= variant.drawn["L"] <= 9.0
+    lines = [result.message, variant.title, *(episode.message for episode in variant.episodes)]
+    assert not any(str(variant.drawn["L"]) in line for line in lines)
+
+
+SURE = """import numpy as np
+from course_lib.filters import Gaussian
+
+
+def Estimator(previous, observation, control, constants, rng):
+    return Gaussian(np.array([1.0, 1.0, 0.0, 4.0, 4.0, 0.0]), {covariance})
+"""
+
+
+@pytest.mark.parametrize(
+    ("covariance", "low", "high"), [("np.diag([4.0, 4.0, 9.0] * 2)", 0.5, 12.0), ("np.zeros((6, 6))", 1e8, 1e9)]
+)
+def test_gaussians_have_their_nees_and_are_not_failed_by_it(judge, covariance, low, high):
+    result = judge(SURE.format(covariance=covariance))
+    assert result.dimension == 6
+    for episode in (episode for variant in result.variants for episode in variant.episodes):
+        assert episode.status == "ok" and low <= episode.values["NEES"] <= high
+        assert "energy score" in episode.values and "NEES" not in episode.reference
+    assert Result.from_json(result.to_json()) == result
+
+
+def test_the_plan_visits_every_variant_first_and_keeps_to_the_proportions_of_a_round():
+    assignment = assignments()["vacuum"]
+    cap = most_episodes(assignment)
+    episodes = plan(assignment, cap)
+    assert {variant.name for variant, _ in episodes[: len(assignment.variants)]} == {
+        v.name for v in assignment.variants
+    }
+    for variant in assignment.variants:
+        numbers = [episode for other, episode in episodes if other is variant]
+        assert numbers == list(range(2 * variant.episodes))
+    # A higher cap adds episodes and changes none.
+    assert plan(assignment, cap + 10)[:cap] == episodes
+
+
+@pytest.fixture(scope="module")
+def patient_judge():
+    """As `judge`, but with twelve rounds of cheap episodes."""
+    brief = replace(SHORT, variants=tuple(replace(v, hidden=Hidden(steps=3)) for v in SHORT.variants))
+    with judging(brief, SECRET, rounds=12) as judge:
+        yield judge
+
+
+FAILS = "def Estimator(previous, observation, control, constants, rng):\n    return 1 / 0\n"
+
+
+def test_episodes_end_when_the_interval_is_narrow(patient_judge):
+    # Of 10 points for errors; the plan has 48 episodes.
+    wide, narrow = (patient_judge(FAILS, width=width) for width in (5.0, 2.0))
+    assert wide.stopped == narrow.stopped == NARROW
+    assert 2 <= wide.episodes < narrow.episodes < 48
+    for result, width in ((wide, 5.0), (narrow, 2.0)):
+        low, high = result.interval
+        assert low == result.points == 0.0 and high < width
+        assert result.confidence == 0.95
+    # One episode fewer was not enough, and the wider one's are among the narrower one's.
+    assert wide.variants[0].episodes == narrow.variants[0].episodes[: len(wide.variants[0].episodes)]
+
+
+def test_episodes_end_at_the_cap(judge):
+    result = judge(FAILS, width=0.1)
+    assert result.stopped == CAPPED and result.episodes == 4
+    low, high = result.interval
+    assert low == 0.0 and high > 0.1
+
+
+def test_points_for_time_move_the_interval(judge):
+    result = judge(GOOD)
+    low, high = result.interval
+    assert low <= result.points <= high <= 10.0 + result.speed.points
+    assert low >= result.speed.points
+
+
+def test_patience_is_lost_for_a_round_and_not_for_what_came_before(patient_judge):
+    # Both episodes of a variant in the first round, of four episodes, and none in the second.
+    clock = "constants.v_bar == 0.0 and previous is not None"
+    result = patient_judge(broken(clock, "import time; time.sleep(60)"), width=0.1)
+    assert result.stopped == IMPATIENT and result.episodes == 4
+    assert [episode.status for episode in result.variants[1].episodes] == ["timeout"] * 2
 
 
 def test_a_crash_costs_the_episodes_it_happens_in(judge):
@@ -102,12 +241,15 @@ def test_patience_ends(judge):
     assert all("longer than 1 s" in message for message in messages[:PATIENCE])
     assert all("not run" in message for message in messages[PATIENCE:])
     assert result.points == 0.0
+    # The rest earns nothing by a rule, whatever chance would have had it earn.
+    assert result.stopped == IMPATIENT and result.interval is None and result.confidence is None
 
 
 def test_killing_the_fork_server_earns_nothing_and_harms_nobody(judge):
     killer = judge(broken("previous is not None", "import os; os.kill(os.getppid(), 9)"))
     assert killer.points == 0.0
-    assert "sandbox broke" in killer.message
+    # Where the tier does not forbid it, it breaks a sandbox that is its own.
+    assert "sandbox broke" in killer.message or "PermissionError" in killer.message
     assert judge(GOOD).points == pytest.approx(10.0 + SHORT.speed.points, abs=0.2)
 
 
@@ -141,4 +283,4 @@ def test_a_reference_that_fails_stops_the_grading():
     impossible = replace(SHORT.variants[0], constants=replace(Constants(), w_bar=1e-9))
     failing = replace(SHORT, reference="course_lib.vacuum.world:World")
     with Server(trusted=failing.reference) as trusted, pytest.raises(RuntimeError, match="the reference of assignment"):
-        reference_outcomes(trusted, failing, impossible, SECRET)
+        reference_outcome(trusted, failing, impossible, 0, SECRET)
