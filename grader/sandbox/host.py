@@ -10,6 +10,7 @@ import signal
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import fields
 
 import numpy as np
@@ -231,11 +232,13 @@ class Worker:
                 files += len(directories) + len(names)
                 if files > limits.files:
                     raise _Filled(f"keeps over {limits.files} files")
-                used += sum(os.lstat(os.path.join(path, name)).st_blocks for name in names) * 512
-        except FileNotFoundError:
-            return  # it has just removed one
+                for name in names:
+                    with suppress(FileNotFoundError):  # it has just removed one
+                        used += os.lstat(os.path.join(path, name)).st_blocks * 512
         except OSError as error:
             raise _Filled("keeps a directory that cannot be looked into") from error
+        except RecursionError as error:
+            raise _Filled("nests its directories too deep") from error
         if used > limits.disk_bytes:
             raise _Filled(f"keeps over {limits.disk_bytes >> 20} MB of files")
 
@@ -270,7 +273,8 @@ class Worker:
 
 
 def _raise(error):
-    raise error
+    if not isinstance(error, FileNotFoundError):
+        raise error
 
 
 def _describe(constants):
