@@ -86,7 +86,7 @@ class Variant:
     constants, hidden : dataclass
         What the estimator is told and what it is not.
     episodes : int
-        How many runs are replayed.
+        How many of the runs in a round are its own. Points are the surest when that goes with what they are worth.
     criteria : tuple of Criterion
     ranges : dict of str to callable
         Fields of `constants` or `hidden` that the secret chooses: `draw(rng)` returns a value, as `Uniform` and

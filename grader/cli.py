@@ -17,7 +17,7 @@ from grader import intake
 from grader.assignment import PUBLIC_SECRET
 from grader.assignments import assignments
 from grader.executors import local_pool
-from grader.grade import refused
+from grader.grade import WIDTH, most_episodes, refused
 from grader.names import file_name
 from grader.reports import html, terminal
 from grader.sandbox import isolation
@@ -56,6 +56,13 @@ def grade(
             help="File that chooses the episodes (made by `grader secret new`); without it anyone can repeat them."
         ),
     ] = None,
+    width: Annotated[
+        float, typer.Option(help="Points: episodes end when the interval of the points for errors is narrower.")
+    ] = WIDTH,
+    max_episodes: Annotated[
+        int | None,
+        typer.Option(help="Episodes end after this many anyway; by default after two of the assignment's rounds."),
+    ] = None,
     allow_unsandboxed: Annotated[
         bool,
         typer.Option(
@@ -66,6 +73,7 @@ def grade(
     """Grade submissions: print the table, write one JSON record each and an HTML report."""
     chosen = _choose(assignment)
     key = _secret(secret)
+    cap = _cap(chosen, width, max_episodes)
     tier = _tier(allow_unsandboxed)
     programs, refusals = intake.gather(submissions, chosen)
     for refusal in refusals:
@@ -76,7 +84,7 @@ def grade(
     results = [refused(refusal, chosen, key) for refusal in refusals]
     for result in results:
         _store(result, output)
-    results += _run(programs, chosen, key, jobs, tier, output)
+    results += _run(programs, chosen, key, jobs, tier, width, cap, output)
     results.sort(key=lambda result: (-result.points, result.submission))
     console.print(terminal.table(results))
     console.print(terminal.summary(results, chosen.landmarks))
@@ -193,7 +201,7 @@ def main():
         sys.exit(130)
 
 
-def _run(programs, assignment, secret, jobs, tier, output):
+def _run(programs, assignment, secret, jobs, tier, width, cap, output):
     """Grade with progress bars, storing each result as soon as it is there."""
     results = []
     try:
@@ -201,9 +209,11 @@ def _run(programs, assignment, secret, jobs, tier, output):
             Progress(*COLUMNS, TimeRemainingColumn(), console=console) as progress,
             local_pool(assignment, secret, jobs, tier) as pool,
         ):
-            references = dict(progress.track(pool.references(), len(assignment.variants), description="reference  "))
-            graded = pool.grade(programs, references)
-            for submission, result in progress.track(graded, len(programs), description="submissions"):
+            references = pool.references(
+                cap, lambda episodes: progress.track(episodes, cap, description="reference's episodes")
+            )
+            graded = pool.grade(programs, references, width)
+            for submission, result in progress.track(graded, len(programs), description="submissions         "):
                 _store(result, output)
                 results.append(result)
                 if not console.is_terminal:
@@ -211,6 +221,20 @@ def _run(programs, assignment, secret, jobs, tier, output):
     except (SandboxError, RuntimeError, BrokenProcessPool) as error:
         _stop(f"grading stopped after {len(results)} of {len(programs)} submissions, whose results are kept: {error}")
     return results
+
+
+def _cap(assignment, width, episodes):
+    """The cap, of options that make sense."""
+    if not width > 0.0:
+        _stop(f"--width {width:g}: an interval is wider than 0 points")
+    if episodes is None:
+        return most_episodes(assignment)
+    if episodes < len(assignment.variants):
+        _stop(
+            f"--max-episodes {episodes}: {assignment.name} has {len(assignment.variants)} variants, "
+            "each of which needs an episode"
+        )
+    return episodes
 
 
 def _choose(name):

@@ -7,7 +7,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 
 from grader.assignments import assignments
-from grader.grade import grade, reference_outcomes, refused
+from grader.grade import grade, plan, reference_outcome, refused
 from grader.sandbox.server import Server
 from grader.submission import Refusal
 
@@ -53,21 +53,40 @@ class Pool:
         self._secret = secret
         self._assignment = assignment
 
-    def references(self):
-        """Run the reference: yield (variant name, list of Outcome) as they are done."""
-        futures = {
-            self._executor.submit(_reference_outcomes, variant.name): variant.name
-            for variant in self._assignment.variants
-        }
-        for future in as_completed(futures):
-            yield futures[future], future.result()
+    def references(self, cap, track=iter):
+        """Run the reference in all episodes of the plan, once for the class.
 
-    def grade(self, submissions, references):
+        Parameters
+        ----------
+        cap : int
+            Number of episodes.
+        track : callable
+            Takes an iterator over them that ends when the last is done, and shows how far it is.
+
+        Returns
+        -------
+        dict of str to list of Outcome
+            As `grade` takes them.
+        """
+        futures = [
+            (variant.name, self._executor.submit(_reference_outcome, variant.name, episode))
+            for variant, episode in plan(self._assignment, cap)
+        ]
+        for future in track(as_completed([future for _, future in futures])):
+            future.result()
+        references = {variant.name: [] for variant in self._assignment.variants}
+        for name, future in futures:
+            references[name].append(future.result())
+        return references
+
+    def grade(self, submissions, references, width):
         """Grade submissions: yield (submission, Result) as they are done.
 
         One that the grader itself stumbles over is refused with the reason, and the class goes on.
         """
-        futures = {self._executor.submit(_grade, submission, references): submission for submission in submissions}
+        futures = {
+            self._executor.submit(_grade, submission, references, width): submission for submission in submissions
+        }
         for future in as_completed(futures):
             submission, error = futures[future], future.exception()
             if error is None:
@@ -94,13 +113,13 @@ def _set_up(name, secret, turn, tier):
     )
 
 
-def _reference_outcomes(variant_name):
+def _reference_outcome(variant_name, episode):
     assignment = _bench["assignment"]
     variant = assignment.variant(variant_name)
-    return reference_outcomes(_bench["reference_server"], assignment, variant, _bench["secret"])
+    return reference_outcome(_bench["reference_server"], assignment, variant, episode, _bench["secret"])
 
 
-def _grade(submission, references):
+def _grade(submission, references, width):
     return grade(
         submission,
         _bench["assignment"],
@@ -109,4 +128,5 @@ def _grade(submission, references):
         references,
         _bench["secret"],
         _bench["turn"],
+        width,
     )

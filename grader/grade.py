@@ -10,25 +10,59 @@ from grader.evaluate import Outcome, evaluate, recorded_run
 from grader.result import CriterionResult, Episode, Result, Trace, VariantResult
 from grader.sandbox import isolation
 from grader.secret import fingerprint
+from grader.sequential import CONFIDENCE, bounds, schedule
 from grader.timing import measure_speed
 
-#: After this many episodes that ran out of time or broke the sandbox the rest are not run: they would take as long.
+#: After this many episodes that ran out of time or broke the sandbox the rest of the round is not run: it would take
+#: as long.
 PATIENCE = 2
+#: Points: when the interval of the points for errors is narrower than this, episodes end.
+WIDTH = 15.0
+#: Rounds of all variants after which episodes end anyway.
+ROUNDS = 2
+#: Why episodes ended.
+NARROW, CAPPED, IMPATIENT = "the interval is narrow enough", "the cap is reached", "patience is lost"
 
 
-def reference_outcomes(reference_server, assignment, variant, secret):
-    """The reference's outcomes in all episodes of a variant, against which the class is graded.
+def most_episodes(assignment):
+    """The cap when none is asked for."""
+    return ROUNDS * sum(variant.episodes for variant in assignment.variants)
+
+
+def plan(assignment, cap):
+    """What the whole class is graded in, in this order.
+
+    Parameters
+    ----------
+    assignment : Assignment
+    cap : int
+
+    Returns
+    -------
+    list of (Variant, int)
+        Variant and number of an episode, `cap` of them: rounds in which each variant has its `episodes`, interleaved.
+    """
+    episodes, numbers = [], [0] * len(assignment.variants)
+    for stratum in schedule([variant.episodes for variant in assignment.variants], cap):
+        episodes.append((assignment.variants[stratum], numbers[stratum]))
+        numbers[stratum] += 1
+    return episodes
+
+
+def reference_outcome(reference_server, assignment, variant, episode, secret):
+    """The reference's outcome in an episode, against which the class is graded.
 
     Parameters
     ----------
     reference_server : grader.sandbox.server.Server
     assignment : Assignment
     variant : Variant
+    episode : int
     secret : bytes
 
     Returns
     -------
-    list of Outcome
+    Outcome
         Without frames: nobody looks at the reference's.
 
     Raises
@@ -36,20 +70,22 @@ def reference_outcomes(reference_server, assignment, variant, secret):
     RuntimeError
         The reference failed: no grade could be defended.
     """
-    outcomes = []
-    for episode in range(variant.episodes):
-        outcome = evaluate(reference_server, assignment, variant, episode, secret)
-        if outcome.status != "ok":
-            raise RuntimeError(
-                f"the reference of assignment {assignment.name} failed in variant {variant.name}, "
-                f"episode {episode}: {outcome.message}"
-            )
-        outcomes.append(replace(outcome, frames=[]))
-    return outcomes
+    outcome = evaluate(reference_server, assignment, variant, episode, secret)
+    if outcome.status != "ok":
+        raise RuntimeError(
+            f"the reference of assignment {assignment.name} failed in variant {variant.name}, "
+            f"episode {episode}: {outcome.message}"
+        )
+    return replace(outcome, frames=[])
 
 
-def grade(submission, assignment, server, reference_server, references, secret, timing_turn):
+def grade(submission, assignment, server, reference_server, references, secret, timing_turn, width=WIDTH):
     """Grade one submission.
+
+    Episodes are run in the order of `plan` until the interval of the points for errors is narrow enough or the cap is
+    reached. Each variant's points are its mean share over the episodes run: what earned nothing because it failed
+    counts like what earned nothing because it was wrong. When patience is lost, the rest of that round counts as
+    failed; such points are a rule's and no sample's, and bear no interval.
 
     Parameters
     ----------
@@ -57,27 +93,18 @@ def grade(submission, assignment, server, reference_server, references, secret, 
     assignment : Assignment
     server, reference_server : grader.sandbox.server.Server
     references : dict of str to list of Outcome
-        Variant name to `reference_outcomes`.
+        Variant name to `reference_outcome` of its episodes 0, 1, ...: those of the `plan`, whose cap is their number.
     secret : bytes
     timing_turn : context manager
         Entered while CPU time is measured, so that not all cores measure at once.
+    width : float
+        In points.
 
     Returns
     -------
     Result
     """
-    outcomes = {variant.name: [] for variant in assignment.variants}
-    costly = 0
-    for variant in assignment.variants:
-        for episode in range(variant.episodes):
-            if costly < PATIENCE:
-                outcome = evaluate(server, assignment, variant, episode, secret, submission.source)
-            else:
-                outcome = Outcome(
-                    "timeout", f"not run: {PATIENCE} earlier episodes ran out of time or broke the sandbox", {}
-                )
-            costly += outcome.status in ("timeout", "sandbox")
-            outcomes[variant.name].append(outcome)
+    outcomes, interval, stopped = _run(submission, assignment, server, references, secret, width)
     variants = [
         _variant_result(variant, outcomes[variant.name], references[variant.name]) for variant in assignment.variants
     ]
@@ -87,7 +114,7 @@ def grade(submission, assignment, server, reference_server, references, secret, 
             speed = measure_speed(server, reference_server, assignment, secret, submission.source, graded)
     else:
         speed = None
-    points = sum(variant.points for variant in variants) + (speed.points if speed else 0.0)
+    error_points, speed_points = sum(variant.points for variant in variants), speed.points if speed else 0.0
     failures = [episode for variant in variants for episode in variant.episodes if episode.status != "ok"]
     episodes = sum(len(variant.episodes) for variant in variants)
     message = f"{len(failures)} of {episodes} episodes failed: {failures[0].message}" if failures else ""
@@ -98,13 +125,21 @@ def grade(submission, assignment, server, reference_server, references, secret, 
         assignment=assignment.name,
         status="graded",
         message=message or (speed.message if speed else ""),
-        points=points,
+        points=error_points + speed_points,
         max_points=assignment.points,
         variants=variants,
         speed=speed,
         trace=_worst(assignment, outcomes, references, secret),
         environment=environment(secret, server.tier),
         dimension=assignment.dimension,
+        # It contains the mean, but in rare cases of an unlikely sequence the bets do not know that.
+        interval=interval
+        and [
+            min(*interval, error_points) + speed_points,
+            max(*interval, error_points) + speed_points,
+        ],
+        confidence=CONFIDENCE if interval else None,
+        stopped=stopped,
     )
 
 
@@ -134,7 +169,53 @@ def environment(secret, tier=None):
     }
 
 
+def _run(submission, assignment, server, references, secret, width):
+    """Outcomes by variant, an interval of the points for errors or None, and why episodes ended."""
+    episodes = plan(assignment, sum(map(len, references.values())))
+    variants = assignment.variants
+    strata = np.array([variants.index(variant) for variant, _ in episodes])
+    most = sum(variant.points for variant in variants)
+    weights = np.array([variant.points for variant in variants]) / most
+    outcomes = {variant.name: [] for variant in variants}
+    shares, costly = [], 0
+    low, high = 0.0, most
+    for number, (variant, episode) in enumerate(episodes, 1):
+        outcome = evaluate(server, assignment, variant, episode, secret, submission.source)
+        outcomes[variant.name].append(outcome)
+        shares.append(_share(variant, outcome, references[variant.name][episode]))
+        costly += outcome.status in ("timeout", "sandbox")
+        if costly == PATIENCE:
+            _give_up(assignment, outcomes, episodes, number)
+            return outcomes, None, IMPATIENT
+        # Before, a variant not yet seen may be worth anything.
+        if number >= len(variants):
+            lower, upper = bounds(shares, strata, weights)
+            low, high = max(low, most * float(lower)), min(high, most * float(upper))
+            if high - low < width:
+                return outcomes, (low, high), NARROW
+    return outcomes, (low, high), CAPPED
+
+
+def _give_up(assignment, outcomes, episodes, number):
+    """Let the rest of a round fail, after this many episodes."""
+    length = sum(variant.episodes for variant in assignment.variants)
+    message = f"not run: {PATIENCE} earlier episodes ran out of time or broke the sandbox"
+    for variant, _ in episodes[number : -(-number // length) * length]:
+        outcomes[variant.name].append(Outcome("timeout", message, {}))
+
+
+def _share(variant, outcome, reference):
+    """What an episode earns of the variant's points, between 0 and 1."""
+    earned = sum(
+        criterion.points * criterion.score(outcome.values[criterion.metric], reference.values[criterion.metric])
+        for criterion in variant.criteria
+        if criterion.metric in outcome.values
+    )
+    return earned / variant.points if variant.points else 0.0
+
+
 def _variant_result(variant, outcomes, references):
+    references = references[: len(outcomes)]
     criteria = []
     for criterion in variant.criteria:
         values = [outcome.values.get(criterion.metric) for outcome in outcomes]

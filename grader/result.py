@@ -75,7 +75,7 @@ class SpeedResult:
     Attributes
     ----------
     status, message : str
-        As in `Episode`.
+        As in `Episode`; also "inconsistent", when it took short cuts while it was timed.
     milliseconds, reference_milliseconds : float or None
         CPU time per update on this machine: information, not a grade.
     ratios : list of float
@@ -158,6 +158,13 @@ class Result:
         Versions, isolation, secret's fingerprint: what a repetition needs.
     dimension : int
         Columns of a state: degrees of freedom of a "NEES".
+    interval : list of float or None
+        [low, high]: contains the points that infinitely many episodes would give, with the stated confidence, however
+        early they ended. Those for time are added as they are. None where points are no sample's: of a refused
+        submission, or after patience was lost.
+    confidence : float or None
+    stopped : str
+        Why no more episodes were run, in words: one of `grader.grade`'s.
     """
 
     submission: str
@@ -173,6 +180,14 @@ class Result:
     trace: Trace | None = None
     environment: dict = field(default_factory=dict)
     dimension: int = 0
+    interval: list[float] | None = None
+    confidence: float | None = None
+    stopped: str = ""
+
+    @property
+    def episodes(self):
+        """How many episodes the points rest on."""
+        return sum(len(variant.episodes) for variant in self.variants)
 
     def to_json(self):
         """The record as JSON text."""

@@ -65,6 +65,10 @@ def test_an_output_that_cannot_be_written_is_found_before_grading(run, tmp_path)
     ("words", "message"),
     [
         (["--assignment", "juggling"], "one of vacuum"),
+        (["--width", "0"], "--width 0"),
+        (["--width", "nan"], "--width nan"),
+        (["--max-episodes", "19"], "20 variants"),
+        (["--max-episodes", "-1"], "20 variants"),
         (["--secret", "missing"], "cannot read the secret missing"),
         (["--secret", "short"], "5 bytes"),
     ],

@@ -9,7 +9,7 @@ import pytest
 from course_lib.vacuum.constants import Constants, Hidden
 from grader.assignment import Criterion, Speed, Uniform, Variant
 from grader.assignments import assignments
-from grader.grade import CAPPED, IMPATIENT, NARROW, PATIENCE, grade, most_episodes, plan, reference_outcome
+from grader.grade import IMPATIENT, PATIENCE, grade, reference_outcome
 from grader.result import Result
 from grader.sandbox.server import Server
 from grader.secret import new_secret, read_secret
@@ -31,21 +31,20 @@ SHORT = replace(
 
 
 @contextlib.contextmanager
-def judging(assignment, secret, rounds=1):
-    """Grades a source against an assignment, in at most so many rounds of its episodes."""
+def judging(assignment, secret):
+    """Grades a source against an assignment, in one whole round of its episodes."""
     with Server(preload=("course_lib.vacuum.constants",)) as server, Server(trusted=assignment.reference) as trusted:
         references = {
             variant.name: [
-                reference_outcome(trusted, assignment, variant, episode, secret)
-                for episode in range(rounds * variant.episodes)
+                reference_outcome(trusted, assignment, variant, episode, secret) for episode in range(variant.episodes)
             ]
             for variant in assignment.variants
         }
 
-        def judge(source, **options):
+        def judge(source):
             submission = Submission("ana", "ana.py", source)
             turn = contextlib.nullcontext()
-            return grade(submission, assignment, server, trusted, references, secret, turn, **options)
+            return grade(submission, assignment, server, trusted, references, secret, turn, width=0.1)
 
         yield judge
 
@@ -146,64 +145,11 @@ def test_gaussians_have_their_nees_and_are_not_failed_by_it(judge, covariance, l
     assert Result.from_json(result.to_json()) == result
 
 
-def test_the_plan_visits_every_variant_first_and_keeps_to_the_proportions_of_a_round():
-    assignment = assignments()["vacuum"]
-    cap = most_episodes(assignment)
-    episodes = plan(assignment, cap)
-    assert {variant.name for variant, _ in episodes[: len(assignment.variants)]} == {
-        v.name for v in assignment.variants
-    }
-    for variant in assignment.variants:
-        numbers = [episode for other, episode in episodes if other is variant]
-        assert numbers == list(range(2 * variant.episodes))
-    # A higher cap adds episodes and changes none.
-    assert plan(assignment, cap + 10)[:cap] == episodes
-
-
-@pytest.fixture(scope="module")
-def patient_judge():
-    """As `judge`, but with twelve rounds of cheap episodes."""
-    brief = replace(SHORT, variants=tuple(replace(v, hidden=Hidden(steps=3)) for v in SHORT.variants))
-    with judging(brief, SECRET, rounds=12) as judge:
-        yield judge
-
-
-FAILS = "def Estimator(previous, observation, control, constants, rng):\n    return 1 / 0\n"
-
-
-def test_episodes_end_when_the_interval_is_narrow(patient_judge):
-    # Of 10 points for errors; the plan has 48 episodes.
-    wide, narrow = (patient_judge(FAILS, width=width) for width in (5.0, 2.0))
-    assert wide.stopped == narrow.stopped == NARROW
-    assert 2 <= wide.episodes < narrow.episodes < 48
-    for result, width in ((wide, 5.0), (narrow, 2.0)):
-        low, high = result.interval
-        assert low == result.points == 0.0 and high < width
-        assert result.confidence == 0.95
-    # One episode fewer was not enough, and the wider one's are among the narrower one's.
-    assert wide.variants[0].episodes == narrow.variants[0].episodes[: len(wide.variants[0].episodes)]
-
-
-def test_episodes_end_at_the_cap(judge):
-    result = judge(FAILS, width=0.1)
-    assert result.stopped == CAPPED and result.episodes == 4
-    low, high = result.interval
-    assert low == 0.0 and high > 0.1
-
-
 def test_points_for_time_move_the_interval(judge):
     result = judge(GOOD)
     low, high = result.interval
     assert low <= result.points <= high <= 10.0 + result.speed.points
     assert low >= result.speed.points
-
-
-def test_patience_is_lost_for_a_round_and_not_for_what_came_before(patient_judge):
-    # Both episodes of a variant in the first round, of four episodes, and none in the second.
-    clock = "constants.v_bar == 0.0 and previous is not None"
-    result = patient_judge(broken(clock, "import time; time.sleep(60)"), width=0.1)
-    assert result.stopped == IMPATIENT and result.episodes == 4
-    assert [episode.status for episode in result.variants[1].episodes] == ["timeout"] * 2
 
 
 def test_a_crash_costs_the_episodes_it_happens_in(judge):
@@ -237,9 +183,9 @@ def test_finite_numbers_too_large_to_measure_earn_nothing_and_can_be_written(jud
 
 def test_patience_ends(judge):
     result = judge(broken("previous is not None", "import time; time.sleep(60)"))
-    messages = [episode.message for variant in result.variants for episode in variant.episodes]
-    assert all("longer than 1 s" in message for message in messages[:PATIENCE])
-    assert all("not run" in message for message in messages[PATIENCE:])
+    first, second = ([variant.episodes[i].message for variant in result.variants] for i in range(PATIENCE))
+    assert all("longer than 1 s" in message for message in first)
+    assert all("not run" in message for message in second)
     assert result.points == 0.0
     # The rest earns nothing by a rule, whatever chance would have had it earn.
     assert result.stopped == IMPATIENT and result.interval is None and result.confidence is None

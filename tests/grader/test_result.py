@@ -28,6 +28,9 @@ RESULT = Result(
     ],
     speed=SpeedResult("ok", "", 2.0, 1.0, [2.1, 1.9, 5.0], 3.0, 5.0, 10.0, 60.0),
     trace=Trace("default", 0, "error", [0.1], [0.2], [[[0.0, 1.0]]], [{"step": 0, "particles": [[[0.0, 1.0]]]}], {}),
+    interval=[6.0, 9.5],
+    confidence=0.95,
+    stopped="the cap is reached",
 )
 
 
@@ -39,6 +42,7 @@ def test_sums_and_median():
     assert RESULT.variants[0].points == 7.5
     assert RESULT.variants[0].max_points == 10.0
     assert RESULT.speed.ratio == 2.1
+    assert RESULT.episodes == 2
 
 
 def test_numbers_that_json_does_not_have_are_not_written():
