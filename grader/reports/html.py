@@ -43,7 +43,8 @@ def write(results, path, title, when, landmarks):
     text = render(results, title, when, landmarks)
     handle, partial = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".partial")
     try:
-        with open(handle, "w", encoding="utf-8") as file:
+        # A name of a file may hold what is no character.
+        with open(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
             file.write(text)
         # A temporary file is its owner's alone; a report is as readable as any new file.
         mask = os.umask(0)
@@ -71,6 +72,7 @@ def render(results, title, when, landmarks):
         "failure_lines": failure_lines,
         "failures": overview.failures,
         "insecure": overview.insecure,
+        "interval": overview.interval,
         "others": other_metrics,
         "ratio": overview.ratio,
         "scale": scale,

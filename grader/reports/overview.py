@@ -60,6 +60,12 @@ def comparison(landmarks):
     )
 
 
+def interval(result):
+    """Between what numbers the points of infinitely many episodes lie, as `91.3–98.0`."""
+    low, high = result.interval
+    return f"{low:.1f}–{high:.1f}"
+
+
 def figure(value):
     """A number with three significant digits; a dash for none."""
     if value is None:

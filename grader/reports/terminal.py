@@ -4,6 +4,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from grader.names import one_line
 from grader.reports.calibration import calibrations
 from grader.reports.overview import (
     comparison,
@@ -35,25 +36,27 @@ def table(results):
     Returns
     -------
     rich.table.Table
-        Points; the first criterion of the first variant beside the reference's, the others as ratios to it; coverage;
-        CPU time as a ratio; the variant that lost most; whether all went well. Below it, what went wrong.
+        Points, their confidence interval and the episodes they rest on; the first criterion of the first variant
+        and its ratio to the reference's, of the others the ratio; coverage; CPU time as a ratio; the variant that
+        lost most; whether all went well. Below it, what went wrong.
     """
     first = headline(results)
     criteria = first.criteria if first else []
     rows = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, caption_justify="left", caption_style="")
-    rows.add_column("submission", overflow="fold", max_width=26)
-    most = f"\nof {results[0].max_points:g}" if results else ""
-    rows.add_column(f"points{most}", justify="right", no_wrap=True)
+    longest = min(26, max((len(result.submission) for result in results), default=0))
+    rows.add_column("submission", overflow="fold", min_width=longest, max_width=26)
+    rows.add_column("\n".join(_points_title(results)), justify="right", no_wrap=True)
+    rows.add_column("runs", justify="right", no_wrap=True)
     for i, criterion in enumerate(criteria):
-        words = [*criterion.metric.split(), "(reference)" if i == 0 else "to ref."]
+        words = [*criterion.metric.split(), "and / ref." if i == 0 else "/ ref."]
         rows.add_column(Text("\n".join(words)), justify="right", no_wrap=True)
     if first:
         rows.add_column("\n".join(COVERAGE.split(maxsplit=1)), justify="right", no_wrap=True)
-        rows.add_column("CPU\nto ref.", justify="right", no_wrap=True)
-        rows.add_column("lost most\nin", overflow="fold")
-    rows.add_column("state", overflow="fold")
+        rows.add_column("CPU\n/ ref.", justify="right", no_wrap=True)
+        rows.add_column("lost most\nin", overflow="fold", max_width=13)
+    rows.add_column("state", no_wrap=True)
     for result in results:
-        cells = [result.submission, f"{result.points:.1f}"]
+        cells = [one_line(result.submission), _points(result), str(result.episodes or "–")]
         if first:
             cells += _criteria(result, len(criteria))
             cells.append(_coverage(result))
@@ -63,7 +66,11 @@ def table(results):
         cells.append(_state(result))
         # Text, not str: names and messages may hold what rich takes for markup.
         rows.add_row(*map(Text, cells), style=_STYLES[standing(result)])
-    notes = [f"{result.submission}: {_shortened(result.message)}" for result in results if result.message]
+    notes = [
+        f"{one_line(result.submission)}: {one_line(result.message, _LONGEST_NOTE)}"
+        for result in results
+        if result.message
+    ]
     rows.caption = Text("\n".join(notes)) if notes else None
     return rows
 
@@ -103,12 +110,26 @@ def summary(results, landmarks):
     return text
 
 
+def _points_title(results):
+    """What the points are of, and how sure their interval is."""
+    yield "points"
+    if results:
+        yield f"of {results[0].max_points:g}"
+    if confidences := {result.confidence for result in results if result.interval}:
+        yield f"({100 * min(confidences):g} % sure)"
+
+
+def _points(result):
+    return f"{result.points:.1f}" + (" ({:.0f}–{:.0f})".format(*result.interval) if result.interval else "")
+
+
 def _criteria(result, width):
     """Cells of the first variant's criteria."""
     if not result.variants:
         return ["–"] * width
     first, *others = result.variants[0].criteria
-    return [f"{figure(first.value)} ({figure(first.reference)})"] + [ratio(c.value, c.reference) for c in others]
+    value = "–" if first.value is None else f"{figure(first.value)} {ratio(first.value, first.reference)}"
+    return [value] + [ratio(c.value, c.reference) for c in others]
 
 
 def _coverage(result):
@@ -122,14 +143,8 @@ def _state(result):
     state = standing(result)
     if state == "failing":
         failed = len(failures(result))
-        return (
-            f"{failed} of {sum(len(variant.episodes) for variant in result.variants)} failed" if failed else "not timed"
-        )
+        return f"{failed} failed" if failed else "not timed"
     return state
-
-
-def _shortened(note):
-    return note if len(note) <= _LONGEST_NOTE else note[: _LONGEST_NOTE - 1] + "…"
 
 
 def _count(number, noun):

@@ -57,6 +57,9 @@ def make(name="ana", points=70.0, message="", failing=False, **changes):
         "speed": SpeedResult("ok", "", 4.0, 2.0, [2.1, 2.0, 1.9], 10.0, 10.0, 10.0, 60.0),
         "trace": trace,
         "environment": ENVIRONMENT,
+        "interval": [points - 4.25, points + 2.0],
+        "confidence": 0.95,
+        "stopped": "the interval is narrow enough",
     }
     return Result(**{**fields, **changes})
 
@@ -127,18 +130,46 @@ def test_points_and_figures_are_the_records():
     assert "in 80 % of all steps (the reference’s: 90 %)." in text
 
 
+def test_points_have_their_interval_and_the_episodes_they_rest_on():
+    text = Page(render(make(points=71.5, speed=replace(make().speed, bound=1.75)))).text
+    assert "71.5 / 100 67.2–73.5" in text
+    assert "3 episodes; the interval is narrow enough." in text
+    assert "Infinitely many would give 67.2–73.5 points, with 95 % confidence." in text
+    assert "at least ×1.75 the reference’s, with 95 % confidence" in text
+    given_up = make(interval=None, confidence=None, stopped="patience is lost")
+    assert "3 episodes; patience is lost." in Page(render(given_up)).text
+    assert "Infinitely" not in Page(render(given_up, refuse())).text
+    assert "70.0 3 0.400" in " ".join(printed(terminal.table([given_up]), 110).split())
+
+
 def test_different_environments_are_not_shown_as_one():
     text = Page(render(make("ana"), make("ben", environment={"secret": "other"}))).text
     assert "Graded in different environments" in text
 
 
-@pytest.mark.parametrize("name", ["<script>alert(1)</script>", '" onclick="alert(1)', "=cmd|' /C calc'!A0", HOSTILE])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "<script>alert(1)</script>",
+        '" onclick="alert(1)',
+        "' onmouseover='alert(1)",
+        "=cmd|' /C calc'!A0",
+        "--><!-- </style></title></textarea>",
+        "{% raw %}{{ 7 * 7 }}",
+        "javascript:alert(1)//\\",
+        HOSTILE,
+    ],
+)
 def test_names_and_messages_stay_text(name):
-    harmless = Page(render(make("ana", message="m", failing=True), refuse("ben", "m")))
     trace = make().trace
     picture = trace.picture | {"targets": [name, name], "unit": name, "sensors": [[0, 0, name]]}
     trace = replace(trace, variant=name, metric=name, picture=picture)
-    page = Page(render(make(name, message=name, failing=True, path=name, trace=trace), refuse(name, name)))
+    speed = replace(make().speed, status=name, message=name)
+    harmless = Page(
+        render(make("ana", message="m", failing=True, speed=replace(speed, message="m")), refuse("ben", "m"))
+    )
+    hostile = make(name, message=name, failing=True, path=name, trace=trace, speed=speed, stopped=name, digest=name)
+    page = Page(render(hostile, refuse(name, name)))
     names = [(tag, sorted(attributes)) for tag, attributes in page.tags]
     assert names == [(tag, sorted(attributes)) for tag, attributes in harmless.tags]
     assert " ".join(name.split()) in page.text
@@ -151,6 +182,15 @@ def test_embedded_data_cannot_end_its_script():
     data, _ = Page(text).scripts
     assert "<" not in data and "\u2028" not in data
     assert json.loads(data)["sensors"] == [[0, 0, HOSTILE]]
+
+
+@pytest.mark.parametrize("name", ["\udc80", "a\x00b", "\x1b[31mred\x1b]0;title\x07", "\u202egnp.exe", "\x85\u2029\r"])
+def test_what_is_no_character_reaches_no_terminal_and_stops_no_report(tmp_path, name):
+    results = [make(name, message=name, path=name), refuse(name, name)]
+    html.write(results, tmp_path / "report.html", "Two robots", "2026-11-22", LANDMARKS)
+    assert "Two robots" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    text = printed(terminal.table(results), 110).encode("utf-8").decode()
+    assert not any(c in text for c in name if not c.isprintable())
 
 
 def test_the_file_needs_nothing_else():
@@ -261,7 +301,7 @@ def test_overview():
 # The terminal
 
 
-def test_table_fits_a_hundred_columns_and_says_failures_in_words():
+def test_table_fits_110_columns_and_says_failures_in_words():
     results = [
         make("ana"),
         make("a" * 40, points=30.0, message="1 of 3 episodes failed: line 3: KeyError: 'x'", failing=True),
@@ -269,11 +309,11 @@ def test_table_fits_a_hundred_columns_and_says_failures_in_words():
         make("emil", failing=True),
         refuse("ben", "defines no Estimator"),
     ]
-    text = printed(terminal.table(results))
-    assert max(map(len, text.splitlines())) <= 100
+    text = printed(terminal.table(results), 110)
+    assert max(map(len, text.splitlines())) <= 110
     words = " ".join(text.split())
-    assert "0.400 (0.300) ×2.00 0.80 ×2.00 default -20.0 ok" in words
-    assert "– refused" in words and "not timed" in words and "1 of 3 failed" in words
+    assert "ana 70.0 (66–72) 3 0.400 ×1.33 ×2.00 0.80 ×2.00 default -20.0 ok" in words
+    assert "– refused" in words and "not timed" in words and "1 failed" in words and "(95 % sure)" in words
     assert "ben: defines no Estimator" in words and "line 3: KeyError: 'x'" in words
 
 
@@ -309,7 +349,7 @@ def test_an_overconfident_filter_is_called_so():
     page = Page(text).text
     assert "in 0 % of all steps (the reference’s: 90 %): overconfident ." in page
     assert "NEES of the Gaussian posteriors: 60.0, expected 2.71 to 10.7: overconfident ." in page
-    text = printed(terminal.table([make("ana"), sure()]))
+    text = printed(terminal.table([make("ana"), sure()]), 110)
     assert "0.00↓" in text and "0.80↓" not in text
     assert "↓ overconfident" in printed(terminal.summary([sure()], {}), 120)
     assert "↓" not in printed(terminal.summary([make("ana")], {}), 120)
