@@ -68,7 +68,8 @@ def _check_target(target, dimension, most):
     if largest == -np.inf:
         raise PosteriorError("all log-weights are -inf: no particle has any weight")
     with np.errstate(over="ignore"):
-        return Particles(states, normalise(log_weights)[0])
+        # From the largest, so that no offset is so great that the logarithm of the sum is lost in it.
+        return Particles(states, normalise(log_weights - largest)[0])
 
 
 def _check_gaussian(gaussian, dimension):

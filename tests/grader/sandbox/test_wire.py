@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from course_lib.filters import Gaussian, Particles, Step
 from grader.sandbox import wire
+from grader.sandbox.posterior import PosteriorError, check
+from tests.fuzzing import fuzz
 
 CAPS = {wire.ARRAYS: 1 << 20, wire.TEXT: 1 << 10}
-#: Nothing is timed, and every run has the same examples.
-few = settings(deadline=None, derandomize=True, max_examples=40)
-many = settings(few, max_examples=150)
+few, many = fuzz(40), fuzz(200)
 float_arrays = arrays(np.float64, array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=4))
 
 
@@ -53,27 +53,65 @@ def test_partial_writes_resume_where_they_stopped(count, lengths):
     assert joined(left) == b"".join(data)[count:]
 
 
+DIMENSION, MOST = 2, 5
+
+
 def accepts_or_refuses(payload):
-    """Decoded, garbage is a list of arrays no larger than itself; or else a WireError."""
+    """Garbage is a list of arrays that are views of it, and a posterior that may be scored; or else it is refused."""
     try:
         result = wire.decode_arrays(payload)
     except wire.WireError:
         return
-    assert sum(array.nbytes for array in result) <= len(payload)
+    assert len(result) <= wire.MAX_ARRAYS and sum(array.nbytes for array in result) <= len(payload)
+    whole = np.frombuffer(payload, np.uint8)
+    for array in result:
+        assert array.dtype == np.float64 and array.ndim <= wire.MAX_DIMENSIONS
+        assert not array.size or np.shares_memory(array, whole)
     try:
-        wire.decode_posterior(result)
+        token, posterior = wire.decode_posterior(result)
     except wire.WireError:
-        pass
+        return
+    assert isinstance(token, float)
+    with np.errstate(all="raise", under="ignore"):
+        may_be_scored(posterior)
+
+
+def may_be_scored(posterior):
+    """Refused, or finite and normalised."""
+    try:
+        checked = check(posterior, DIMENSION, MOST)
+    except PosteriorError as error:
+        assert str(error).isprintable()
+        return
+    for target in checked if isinstance(checked, list) else [checked]:
+        if isinstance(target, Particles):
+            assert target.states.shape[0] <= MOST and target.states.shape[1] == DIMENSION
+            assert np.isfinite(target.states).all() and not np.isnan(target.log_weights).any()
+            assert abs(target.weights.sum() - 1.0) < 1e-9
+        else:
+            assert target.mean.shape == (DIMENSION,) and target.covariance.shape == (DIMENSION, DIMENSION)
+            assert np.isfinite(target.mean).all() and np.isfinite(target.covariance).all()
 
 
 @many
 @given(st.binary(max_size=200))
 def test_garbage_is_refused(payload):
     accepts_or_refuses(payload)
+    for decode in (lambda data: wire.decode_header(data, CAPS), wire.decode_text):
+        try:
+            decode(payload)
+        except wire.WireError:
+            pass
+
+
+@many
+@given(st.sampled_from([b"", b"b", b"bay"]), st.binary(min_size=5, max_size=8))
+def test_a_header_is_of_a_kind_that_is_due_and_under_its_cap_or_refused(magic, rest):
     try:
-        wire.decode_header(payload, CAPS)
+        kind, length = wire.decode_header((magic + rest)[: wire.HEADER_BYTES], CAPS)
     except wire.WireError:
-        pass
+        return
+    assert length <= CAPS[kind]
 
 
 @many
@@ -82,12 +120,45 @@ def test_words_that_claim_anything_are_refused(words):
     accepts_or_refuses(np.array(words, dtype="<u8").tobytes())
 
 
-@few
-@given(st.lists(float_arrays, min_size=1, max_size=3), st.data())
-def test_a_frame_with_one_byte_changed_is_read_or_refused(sent, data):
-    payload = bytearray(joined(wire.encode_arrays(sent)[1:]))
-    payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.integers(0, 255))
-    accepts_or_refuses(payload)
+extremes = st.sampled_from([0.0, -0.0, 1.0, np.nan, np.inf, -np.inf, 1e308, -1e308, 5e-324, 1e17, 1e-300])
+rows = st.integers(0, MOST + 1)
+
+
+def filled(*shape):
+    return arrays(np.float64, shape, elements=extremes | st.floats())
+
+
+likely = st.one_of(
+    rows.flatmap(lambda n: filled(n, DIMENSION)),
+    rows.flatmap(lambda n: st.builds(Particles, filled(n, DIMENSION), filled(n))),
+    rows.flatmap(lambda n: st.builds(Particles, st.just(np.ones((n, DIMENSION))), filled(n))),
+    st.builds(Gaussian, filled(DIMENSION), filled(DIMENSION, DIMENSION)),
+    filled(DIMENSION, DIMENSION).map(lambda root: Gaussian(np.zeros(DIMENSION), np.minimum(root, root.T))),
+)
+
+
+@fuzz(400)
+@given(likely | st.lists(likely, max_size=3))
+def test_posteriors_of_any_values_are_normalised_or_refused(posterior):
+    accepts_or_refuses(joined(wire.encode_posterior(1.0, posterior)[1:]))
+
+
+@many
+@given(st.lists(float_arrays, min_size=1, max_size=3) | likely, st.data())
+def test_a_frame_with_bits_flipped_is_read_or_refused(sent, data):
+    frame = wire.encode_arrays(sent) if isinstance(sent, list) else wire.encode_posterior(1.0, sent)
+    payload = bytearray(joined(frame[1:]))
+    for _ in range(data.draw(st.integers(1, 3))):
+        payload[data.draw(st.integers(0, len(payload) - 1))] ^= 1 << data.draw(st.integers(0, 7))
+    accepts_or_refuses(bytes(payload))
+    accepts_or_refuses(bytes(payload[: data.draw(st.integers(0, len(payload)))]))
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e8, 1e17, -1e17, 1e308, -1e308])
+def test_weights_sum_to_one_whatever_their_offset(offset):
+    """The logarithm of a sum is lost in a large offset: two weights of a half would be two of one."""
+    checked = check(Particles(np.ones((2, DIMENSION)), np.full(2, offset)), DIMENSION, MOST)
+    np.testing.assert_allclose(checked.weights, 0.5, rtol=1e-12)
 
 
 @pytest.mark.parametrize("claim", [2**20 + 1, 2**32 - 1])
