@@ -77,4 +77,11 @@ def _python():
 def _caches():
     """Where compiled kernels and fonts are kept: without them every start would take many seconds."""
     home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return [*map(str, (_PACKAGES / "course_lib").rglob("__pycache__")), str(home / "numba"), str(home / "matplotlib")]
+    modules = (_PACKAGES / "course_lib").rglob("*.py")
+    caches = {home / "numba", home / "matplotlib", *(module.parent / "__pycache__" for module in modules)}
+    for cache in caches:
+        try:
+            cache.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            pass  # not ours: then another of them is
+    return map(str, sorted(caches))

@@ -60,11 +60,10 @@ def probe():
         Tiers 0 to 3.
     """
     findings = [("", "")]
-    for look in (_kernel, bubblewrap.problem, Cgroup.problem):
+    for number, look in enumerate((_kernel, bubblewrap.problem, Cgroup.problem)):
         reason, remedy = look()
-        if findings[-1][0]:
-            below = len(findings) - 1
-            reason = reason or f"tier {below} is not available"
+        if findings[-1][0] and not reason:
+            reason, remedy = f"it needs tier {number}", findings[-1][1]
         findings.append((reason, remedy))
     return tuple(
         Tier(number, title, not reason, reason, remedy if reason else "")

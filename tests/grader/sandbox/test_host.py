@@ -13,6 +13,7 @@ import pytest
 from course_lib.filters import Gaussian, Particles
 from course_lib.vacuum.constants import Constants
 from grader.sandbox import isolation
+from grader.sandbox.channel import MOST_PATIENCE, patience
 from grader.sandbox.program import Limits, Program, SandboxError, StudentError
 from grader.sandbox.server import Server
 
@@ -326,6 +327,39 @@ def test_a_program_finds_no_environment_no_descriptors_and_no_files_of_others(pl
     )
     _, printed = run(plain_server, source, steps=1)
     assert printed.splitlines() == ["['submission.py'] Agg True", "5", "False False", "False False", "False"]
+
+
+@linux
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["for k in range(30): open(f'{k}', 'wb').write(bytes(1 << 20))"], "keeps over 16 MB of files"),
+        (["for k in range(1100): open(f'{k}', 'wb').close()"], "keeps over 1000 files"),
+        (["os.umask(0o777)", "os.mkdir('closed')", "while True: pass"], "keeps a directory that cannot be looked into"),
+    ],
+)
+def test_a_program_keeps_few_files(server, lines, message):
+    if "looked into" in message and os.geteuid() == 0:
+        pytest.skip("nothing is closed to root")
+    source = "import os\n" + estimator(*lines, "import time; time.sleep(60)")
+    assert failure(server, source) == ("disk", f"step 0: {message}")
+
+
+@linux
+def test_a_file_that_grows_too_long_is_an_error_of_the_program(server):
+    source = "import os\n" + estimator("open('long', 'wb').write(bytes(20 << 20))")
+    status, message = failure(server, source)
+    assert status == "crashed" and "File too large" in message
+
+
+def test_calls_may_not_take_too_long_together(server):
+    source = "import time\n" + CLOUD.replace("    return", "    time.sleep(0.2)\n    return")
+    status, message = failure(server, source, steps=100, episode=0.5)
+    assert status == "timeout" and message.endswith("all calls up to this one took longer than 0.5 s")
+
+
+def test_a_busy_machine_lengthens_deadlines_within_reason():
+    assert 1.0 <= patience() <= MOST_PATIENCE
 
 
 # What is left
