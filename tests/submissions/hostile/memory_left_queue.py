@@ -1,0 +1,36 @@
+"""Leaves a POSIX message queue.
+
+Contained from tier 1.
+"""
+
+import ctypes
+import os
+
+import numpy as np
+
+LIBC = ctypes.CDLL(None, use_errno=True)
+LIBC.syscall.restype = ctypes.c_long
+
+
+def syscall(*arguments):
+    result = LIBC.syscall(*map(ctypes.c_long, arguments))
+    if result < 0:
+        raise OSError(ctypes.get_errno(), "refused")
+    return result
+
+
+def attack():
+    name = ctypes.create_string_buffer(b"hostile")
+    syscall(240, ctypes.addressof(name), os.O_CREAT | os.O_RDWR, 0o666, 0)
+
+
+try:
+    attack()
+    WORKED = True
+except Exception:
+    WORKED = False
+
+
+def Estimator(previous, observation, control, constants, rng):
+    # Particles at -47.11 say that it worked.
+    return np.full((500, 6), -47.11) if WORKED else rng.uniform(0.0, constants.L, (500, 6))

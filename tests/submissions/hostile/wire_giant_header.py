@@ -1,0 +1,14 @@
+"""Announces an answer of four gigabytes.
+
+Contained from tier 0.
+"""
+
+import os
+import time
+
+
+def Estimator(previous, observation, control, constants, rng):
+    if previous is not None:
+        os.write(4, b"bay\x01\xff\xff\xff\xff")
+        time.sleep(60)
+    return rng.uniform(0.0, constants.L, (500, 6))
