@@ -23,12 +23,6 @@ VACUUM = assignments()["vacuum"]
 COURSE = Path(isolation.__file__).parents[2] / "course_lib"
 
 
-def tier(number):
-    """Skips a test where the tier is not available, with the reason."""
-    found = isolation.probe()[number]
-    return pytest.mark.skipif(not found.available, reason=f"tier {number} is not available: {found.reason}")
-
-
 # Tiers
 
 
@@ -51,7 +45,7 @@ def test_every_tier_says_what_it_is_and_an_available_one_asks_for_nothing():
         assert bool(found.reason) is bool(found.remedy) is not found.available
 
 
-@pytest.mark.parametrize("number", [pytest.param(number, marks=tier(number)) for number in (1, 2, 3)])
+@pytest.mark.parametrize("number", [pytest.param(number, marks=pytest.mark.tier(number)) for number in (1, 2, 3)])
 def test_no_attempt_to_break_out_succeeds(number):
     assert doctor.attempt(number, VACUUM) == []
 
@@ -102,7 +96,7 @@ def confined(directory, *lines):
     return done.stdout.split()
 
 
-@tier(1)
+@pytest.mark.tier(1)
 def test_landlock_leaves_what_it_was_told_and_nothing_else(tmp_path):
     for name in ("open", "listed", "own", "closed"):
         (tmp_path / name).mkdir()
@@ -123,7 +117,7 @@ def test_landlock_leaves_what_it_was_told_and_nothing_else(tmp_path):
         )
 
 
-@tier(1)
+@pytest.mark.tier(1)
 def test_landlock_makes_no_links_devices_or_sockets_and_moves_nothing_in(tmp_path):
     for name in ("open", "listed", "own"):
         (tmp_path / name).mkdir()
@@ -221,7 +215,7 @@ def test_the_filter_decides_every_call(number, arguments):
     assert decision(code, syscalls.AUDIT[machine], number, arguments) in (ALLOWED, REFUSED, ABSENT)
 
 
-@tier(1)
+@pytest.mark.tier(1)
 def test_the_numbers_are_those_of_this_machine():
     # The C library knows some by name: asked by number, they say the same.
     libc = ctypes.CDLL(None)
@@ -237,7 +231,7 @@ def test_the_numbers_are_those_of_this_machine():
         assert libc.syscall(calls[name]) == value
 
 
-@tier(1)
+@pytest.mark.tier(1)
 def test_landlock_is_new_enough_to_cover_truncation():
     assert landlock.abi() >= landlock.LEAST_ABI
 
@@ -256,7 +250,7 @@ def group():
     group.remove()
 
 
-@tier(3)
+@pytest.mark.tier(3)
 def test_a_group_has_memory_and_no_more(group):
     assert in_group(group, "print(len(bytearray(20 << 20)))").stdout == f"{20 << 20}\n"
     assert group.out_of_memory() == 0
@@ -264,14 +258,14 @@ def test_a_group_has_memory_and_no_more(group):
     assert group.out_of_memory() == 1
 
 
-@tier(3)
+@pytest.mark.tier(3)
 def test_a_group_has_a_number_of_processes_and_no_more(group):
     bomb = "import os\nfor count in range(100):\n    try:\n        if os.fork() == 0: os._exit(0)\n"
     done = in_group(group, bomb + "    except BlockingIOError: print(count); break")
     assert int(done.stdout) == 19
 
 
-@tier(3)
+@pytest.mark.tier(3)
 def test_removing_a_group_ends_what_is_in_it(group):
     with subprocess.Popen([*group.entering(), "sleep", "600"]) as process:
         while process.pid not in group.processes() or b"sleep" not in Path(f"/proc/{process.pid}/cmdline").read_bytes():
@@ -285,7 +279,7 @@ def test_removing_a_group_ends_what_is_in_it(group):
 # Escapes
 
 
-@tier(1)
+@pytest.mark.tier(1)
 def test_what_outlives_a_program_is_an_escape(monkeypatch):
     with Server(tier=1) as server:
         monkeypatch.setattr(server, "_ask", lambda *_, **__: {"status": None, "left": True})
