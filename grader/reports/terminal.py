@@ -43,8 +43,7 @@ def table(results):
     first = headline(results)
     criteria = first.criteria if first else []
     rows = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, caption_justify="left", caption_style="")
-    longest = min(26, max((len(result.submission) for result in results), default=0))
-    rows.add_column("submission", overflow="fold", min_width=longest, max_width=26)
+    rows.add_column("submission", overflow="fold", max_width=26)
     rows.add_column("\n".join(_points_title(results)), justify="right", no_wrap=True)
     rows.add_column("runs", justify="right", no_wrap=True)
     for i, criterion in enumerate(criteria):
@@ -53,7 +52,7 @@ def table(results):
     if first:
         rows.add_column("\n".join(COVERAGE.split(maxsplit=1)), justify="right", no_wrap=True)
         rows.add_column("CPU\n/ ref.", justify="right", no_wrap=True)
-        rows.add_column("lost most\nin", overflow="fold", max_width=13)
+        rows.add_column("lost most\nin", overflow="fold", min_width=13, max_width=13)
     rows.add_column("state", no_wrap=True)
     for result in results:
         cells = [one_line(result.submission), _points(result), str(result.episodes or "–")]

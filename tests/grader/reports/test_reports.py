@@ -221,6 +221,16 @@ def test_nothing_graded_and_nothing_at_all_are_reports_too():
     assert "ana" in Page(render(make(speed=None, trace=None, variants=[]))).text
 
 
+def test_a_submission_of_which_nothing_finished_is_shown():
+    failed = [Episode(i, "timeout", "too long", {}, {"best half": 0.3, "within 90 %": 0.9}) for i in range(28)]
+    nothing = [criterion("best half", 0.0, 50.0, None), criterion("energy score", 0.0, 20.0, None)]
+    variants = [VariantResult("default", "as it is", nothing, failed)]
+    bad = make(points=0.0, variants=variants, speed=None, trace=None, interval=None, stopped="patience is lost")
+    assert "28 episodes; patience is lost." in Page(render(make(), bad)).text
+    text = printed(terminal.table([make("heading_unwound_in_a_loop"), bad]), 110)
+    assert "28 failed" in text and max(map(len, text.splitlines())) <= 110
+
+
 def test_a_submission_that_fails_at_once_has_no_picture():
     trace = replace(make().trace, frames=[], error=[])
     assert not any(tag == "canvas" for tag, _ in Page(render(make(trace=trace))).tags)
