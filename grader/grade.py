@@ -189,7 +189,7 @@ def _run(submission, assignment, server, references, secret, width):
             return outcomes, None, IMPATIENT
         # Before, a variant not yet seen may be worth anything.
         if number >= len(variants):
-            lower, upper = bounds(shares, strata, weights)
+            lower, upper = bounds(shares, strata, weights, width / most)
             low, high = max(low, most * float(lower)), min(high, most * float(upper))
             if high - low < width:
                 return outcomes, (low, high), NARROW
