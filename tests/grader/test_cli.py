@@ -28,6 +28,8 @@ def run(tmp_path, monkeypatch):
         ),
         ("torn.ipynb", b'{"cells": [', "torn.ipynb"),
         ("noise.py", bytes(range(128, 256)), "noise.py"),
+        ("torn.zip", b"PK\3\4", "torn.zip: is not a whole zip"),
+        (":bomb: \x1b[2J\n.py", b"", ":bomb: \\x1b[2J\\n.py: defines no Estimator"),
     ],
 )
 def test_a_bad_file_is_one_line_and_leaves_nothing(run, tmp_path, name, content, words):
