@@ -75,7 +75,10 @@ def grade(
     key = _secret(secret)
     cap = _cap(chosen, width, max_episodes)
     tier = _tier(allow_unsandboxed)
-    programs, refusals = intake.gather(submissions, chosen)
+    try:
+        programs, refusals = intake.gather(submissions, chosen)
+    except RuntimeError as error:
+        _stop(str(error))
     for refusal in refusals:
         errors.print(f"{refusal.path}: {refusal.reason}", style="red", markup=False)
     if not programs:

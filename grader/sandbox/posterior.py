@@ -87,7 +87,7 @@ def _check_gaussian(gaussian, dimension):
         raise PosteriorError("the covariance is not symmetric")
     smallest = np.linalg.eigvalsh(scaled)[0]
     if smallest < -1e-6:
-        raise PosteriorError(f"the covariance has a negative eigenvalue, {scale * smallest:.3g}")
+        raise PosteriorError(f"the covariance has a negative eigenvalue, {float(scale) * float(smallest):.3g}")
     return gaussian
 
 

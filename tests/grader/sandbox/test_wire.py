@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
@@ -138,6 +138,7 @@ likely = st.one_of(
 
 
 @fuzz(400)
+@example(Gaussian(np.zeros(2), np.full((2, 2), -1e308)))
 @given(likely | st.lists(likely, max_size=3))
 def test_posteriors_of_any_values_are_normalised_or_refused(posterior):
     accepts_or_refuses(joined(wire.encode_posterior(1.0, posterior)[1:]))
