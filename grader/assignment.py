@@ -189,6 +189,7 @@ class Assignment:
         `simulate(variant, rng) -> Run`.
     measure : callable
         `measure(posterior, truth, rng) -> dict` of metric name to float, for one step; `truth` is a row of `Run.truth`.
+        Reports read `grader.result.COVERAGE` among them as calibration.
     dimension : int
         Columns of a state.
     angles : tuple of int
