@@ -57,7 +57,7 @@ GENEROUS = 20.0
 WORKED = -47.11
 #: Attacks that harm nobody, and that no more than the parent's checks do not hold: they must succeed at tier 0.
 BITES = """
-disk_reads_gradebook disk_reads_secret disk_import_hook_removed disk_import_by_path disk_import_by_zip
+disk_reads_gradebook disk_reads_secret disk_import_by_zip
 disk_import_by_loader disk_mmap disk_symlink disk_parent_fd disk_parent_paths disk_neighbour disk_writes_elsewhere
 disk_makes_elsewhere disk_changes_gradebook disk_openat2 memory_left_sysv memory_left_queue signal_kill signal_sigio
 process_exec process_exec_memory process_terminal network_tcp network_udp network_unix network_abstract share_files
