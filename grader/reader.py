@@ -2,7 +2,7 @@
 
 Parsing Python costs, at worst, far more time and memory than the text is long, and may overflow the interpreter's
 stack. So a process with limits parses; when a file exhausts it, the file is refused and the next one finds a new
-process. It executes nothing of what it reads.
+process. It executes nothing of what it reads, and is shut in where the kernel can: a compiler has faults.
 """
 
 import os
@@ -14,6 +14,7 @@ import time
 
 from grader import source
 from grader.names import one_line
+from grader.sandbox import confine, isolation
 
 #: CPU seconds for one file, and address space (Linux): an honest file of the largest size needs a fifth of either.
 CPU_SECONDS, MEMORY_BYTES = 10, 2 << 30
@@ -176,4 +177,6 @@ def _obituary(code, ending):
 if __name__ == "__main__":
     cpu, memory, name, *called_with = sys.argv[1:]
     _limit(int(memory))
+    if not isolation.kernel()[0]:
+        confine.reader(isolation.roots_of_python())
     serve(sys.stdin.buffer, sys.stdout.buffer, int(cpu), name, called_with)

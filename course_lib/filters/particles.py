@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
-from scipy.stats import gaussian_kde
 
 from course_lib.angles import circular_mean, wrap
 
@@ -201,6 +200,9 @@ def _deviations(particles, centre, angles):
 
 
 def _log_density(particles, angles):
+    # Only here: of all that this package needs, it takes longest to import.
+    from scipy.stats import gaussian_kde
+
     deviations = _deviations(particles, mean(particles, angles), angles)
     density = gaussian_kde(deviations.T, weights=particles.weights)
     # A kernel reaches across the seam: on the circle p̂(θ) is the sum of p̂(θ + 2πk), of which k = -1, 0, 1 matter.

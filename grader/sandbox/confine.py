@@ -62,6 +62,12 @@ def worker(policy, limits):
     seccomp.restrict()
 
 
+def reader(roots):
+    """Confine a process that only reads what it is sent: it may import from these, write nothing and reach nobody."""
+    landlock.restrict(roots, [], [], alone=True)
+    seccomp.restrict()
+
+
 def die_with(parent):
     """Have the kernel kill this process when its parent ends."""
     if sys.platform == "linux":

@@ -60,7 +60,7 @@ def probe():
         Tiers 0 to 3.
     """
     findings = [("", "")]
-    for number, look in enumerate((_kernel, bubblewrap.problem, Cgroup.problem)):
+    for number, look in enumerate((kernel, bubblewrap.problem, Cgroup.problem)):
         reason, remedy = look()
         if findings[-1][0] and not reason:
             reason, remedy = f"it needs tier {number}", findings[-1][1]
@@ -100,7 +100,7 @@ def policy(tier, withheld, directory):
         the way to these it passes directories that are closed to that user; "threads", how many its user has already,
         or None when they cannot be limited.
     """
-    roots = [root for root in _roots() if os.path.exists(root)]
+    roots = [root for root in roots_of_python() if os.path.exists(root)]
     readable, listable = [], []
     hidden = _hidden(withheld)
     for root in roots:
@@ -119,7 +119,8 @@ def policy(tier, withheld, directory):
     }
 
 
-def _kernel():
+def kernel():
+    """Why this machine has no Landlock and seccomp and what to do about it; an empty reason when it has."""
     if sys.platform != "linux":
         return f"Landlock and seccomp are Linux's, this is {platform.system()}", _ON_LINUX
     from grader.sandbox import landlock, seccomp
@@ -133,7 +134,7 @@ def _kernel():
     return seccomp.problem(), "a kernel with seccomp filters on x86_64 or aarch64"
 
 
-def _roots():
+def roots_of_python():
     """Hierarchies from which Python and its libraries import."""
     names = ("stdlib", "platstdlib", "purelib", "platlib")
     return sorted(

@@ -28,7 +28,7 @@ COURSE = Path(isolation.__file__).parents[2] / "course_lib"
 
 def test_a_tier_needs_the_one_below_it(monkeypatch):
     isolation.probe.cache_clear()
-    monkeypatch.setattr(isolation, "_kernel", lambda: ("the kernel is too old", "a newer one"))
+    monkeypatch.setattr(isolation, "kernel", lambda: ("the kernel is too old", "a newer one"))
     try:
         tiers = isolation.probe()
         assert [found.available for found in tiers] == [True, False, False, False]
