@@ -48,7 +48,8 @@ class CriterionResult:
 class VariantResult:
     """What one variant earned.
 
-    `drawn` is what the secret chose of its world: for the instructor, who may have to explain a grade, not for students.
+    `drawn` is what the secret chose of its world: for the instructor, who may have to explain a grade, and not for
+    students.
     """
 
     name: str
