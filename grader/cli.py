@@ -258,7 +258,6 @@ def _tier(allow_unsandboxed):
             f"nothing here can shut submissions in ({first.reason}): `grader doctor` says more. "
             "To grade people you know all the same: --allow-unsandboxed"
         )
-    console.print(f"Isolation: {isolation.describe(tier)}", style="red" if tier == 0 else None, highlight=False)
     return tier
 
 
@@ -281,7 +280,8 @@ def _store(result, output):
     path = output / "results" / f"{file_name(result.submission)}.json"
     partial = path.with_suffix(".partial")
     with _storing(output):
-        partial.write_text(result.to_json(), encoding="utf-8")
+        # Half a surrogate pair, from a name that was no text, is written as JSON escapes it.
+        partial.write_text(result.to_json(), encoding="utf-8", errors="backslashreplace")
         partial.replace(path)
 
 

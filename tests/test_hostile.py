@@ -3,12 +3,9 @@
 None may score more than the honest wrong answer, take longer than its deadlines, leave anything behind, or change the
 grade of a neighbour: one that is graded next, and one that runs at the same time. An attack is run on the tiers that
 claim to contain it; those that harm nobody are run below as well, where they must succeed: so is known that they bite.
-
-The environment variable GRADER_REQUIRE_TIERS, such as "0,1,2,3", names the tiers whose absence is a failure.
 """
 
 import contextlib
-import os
 import re
 import time
 from dataclasses import replace
@@ -29,6 +26,7 @@ from grader.sandbox.channel import patience
 from grader.sandbox.server import Server
 from grader.submission import Submission
 from tests.surroundings import Surroundings
+from tests.tiers import need
 
 FOLDER = Path(__file__).parent / "submissions" / "hostile"
 ATTACKS = sorted(path for path in FOLDER.glob("*.[pi][yp]*") if not path.stem.startswith("honest"))
@@ -181,11 +179,8 @@ def sources():
 
 @pytest.fixture(scope="class")
 def bench(request, surroundings):
-    tier = isolation.probe()[request.cls.tier]
-    if not tier.available:
-        required = str(tier.number) in os.environ.get("GRADER_REQUIRE_TIERS", "").split(",")
-        (pytest.fail if required else pytest.skip)(f"tier {tier.number} is not available: {tier.reason}")
-    with Bench(tier.number, surroundings) as bench:
+    need(request.cls.tier)
+    with Bench(request.cls.tier, surroundings) as bench:
         yield bench
 
 
