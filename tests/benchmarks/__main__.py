@@ -5,7 +5,7 @@ import sys
 
 from rich.console import Console
 
-from tests.benchmarks import accuracy, speed
+from tests.benchmarks import accuracy, drawn, overhead, sequential, speed, timing
 
 #: Benchmark and the number of runs it takes.
 BENCHMARKS = {
@@ -13,6 +13,10 @@ BENCHMARKS = {
     "defaults": (accuracy.defaults, 200),
     "variants": (accuracy.variants, 20),
     "optimality": (accuracy.optimality, 50),
+    "drawn": (drawn.drawn, 40),
+    "timing": (timing.timing, 100),
+    "overhead": (overhead.overhead, 10),
+    "sequential": (sequential.sequential, 2000),
 }
 
 

@@ -24,7 +24,7 @@ from grader.sandbox.server import Server
 from grader.timing import measure_speed
 
 #: All points up to twice the reference's time, none from 2.1 times: what passes has them all, what fails has none.
-PASS_OR_FAIL = Speed("default", steps=30, points=1.0, full=2.0, none=2.1)
+PASS_OR_FAIL = Speed("default", steps=30, points=10.0, full=2.0, none=2.1)
 HOGS = 4
 HOG = "import numpy as np; x = np.ones(1 << 21)\nwhile True: x = np.sqrt(x * x + 1e-9)"
 
@@ -64,7 +64,7 @@ def timing(console: Console, runs):
                 raise RuntimeError(f"a program could not be timed: {failed[0]}")
             verdicts.add_row(
                 title,
-                f"{sum(result.points == 1.0 for result in same)} of {count}",
+                f"{sum(result.points == 10.0 for result in same)} of {count}",
                 f"{sum(result.points == 0.0 for result in thrice)} of {count}",
                 f"{np.median([result.ratio for result in thrice]):.2f}",
             )
