@@ -18,7 +18,8 @@ help:
 	@echo "make bench      accuracy and speed, as ratios against named baselines"
 
 demo: $(READY)
-	$(BIN)/grader grade tests/submissions/vacuum --output build/demo
+	# These submissions are ours: they may be graded where nothing shuts them in.
+	$(BIN)/grader grade tests/submissions/vacuum --output build/demo --allow-unsandboxed
 
 lab: $(READY)
 	$(BIN)/jupyter lab notebooks

@@ -3,7 +3,9 @@
 import pytest
 from typer.testing import CliRunner
 
+from grader import doctor
 from grader.cli import NOTHING_DONE, app
+from grader.sandbox import isolation
 
 ESTIMATOR = "def Estimator(previous, observation, control, constants, rng):\n    return [[0.0] * 6]\n"
 
@@ -81,6 +83,44 @@ def test_options_that_make_no_sense(run, tmp_path, words, message):
     result = run("grade", "good.py", *words)
     assert result.exit_code == NOTHING_DONE
     assert message in result.stderr and len(result.stderr.strip().splitlines()) == 1
+
+
+@pytest.fixture
+def no_sandbox(monkeypatch):
+    """A machine whose kernel has nothing to shut a submission in with."""
+    isolation.probe.cache_clear()
+    monkeypatch.setattr(isolation, "kernel", lambda: ("the kernel is too old", "a newer kernel"))
+    yield
+    isolation.probe.cache_clear()
+
+
+def test_grading_unsandboxed_has_to_be_allowed(run, tmp_path, no_sandbox):
+    (tmp_path / "good.py").write_text(ESTIMATOR)
+    result = run("grade", "good.py")
+    assert result.exit_code == NOTHING_DONE and len(result.stderr.strip().splitlines()) == 1
+    assert "the kernel is too old" in result.stderr and "--allow-unsandboxed" in result.stderr
+    assert not (tmp_path / "grades").exists()
+    # Allowed, it goes on, here to a file that is not there.
+    result = run("grade", "nobody.py", "--allow-unsandboxed")
+    assert "nobody.py" in result.stderr and "kernel" not in result.stderr
+
+
+def test_doctor_says_what_is_missing_and_what_to_do(run, monkeypatch, no_sandbox):
+    monkeypatch.setattr(doctor, "time_reference", lambda assignment, tier: [1.0, 0.99, 1.02])
+    result = run("doctor")
+    assert result.exit_code == 0
+    assert "tier 1  no" in result.stdout and "why not: the kernel is too old" in result.stdout
+    assert "remedy: a newer kernel" in result.stdout and "uses tier 0; it refuses to" in result.stdout
+    assert "1.000, 0.990, 1.020" in result.stdout
+
+
+@pytest.mark.tier(1)
+def test_doctor_fails_when_a_tier_does_not_hold(run, monkeypatch):
+    monkeypatch.setattr(doctor, "time_reference", lambda assignment, tier: [1.0])
+    monkeypatch.setattr(doctor, "attempt", lambda tier, assignment: ["start a process"] if tier == 1 else [])
+    result = run("doctor")
+    assert result.exit_code == 1
+    assert "tier 1: SUCCEEDED: start a process" in result.stdout
 
 
 def test_release_outside_a_course(run):
