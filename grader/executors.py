@@ -1,5 +1,6 @@
 """Maps grading over a class, on the cores of this machine."""
 
+import gc
 import multiprocessing
 import os
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -111,6 +112,9 @@ def _set_up(name, secret, turn, tier):
         server=Server(preload=(type(constants).__module__,), withheld=assignment.withheld, tier=tier),
         reference_server=Server(trusted=assignment.reference, tier=tier),
     )
+    # What has been imported stays: the garbage collector need not look through it again and again.
+    gc.collect()
+    gc.freeze()
 
 
 def _reference_outcome(variant_name, episode):

@@ -19,7 +19,7 @@ import sys
 import time
 import traceback
 
-from grader.sandbox import confine
+from grader.sandbox import confine, pages
 
 _PR_SET_CHILD_SUBREAPER = 36
 
@@ -159,6 +159,7 @@ def _import(modules):
     # What is here stays: a worker's garbage collector need not touch, and so copy, its pages.
     gc.collect()
     gc.freeze()
+    pages.gather()
 
 
 def _fork(directory, descriptors, policy, workers):

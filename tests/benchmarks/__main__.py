@@ -15,7 +15,7 @@ BENCHMARKS = {
     "optimality": (accuracy.optimality, 50),
     "drawn": (drawn.drawn, 40),
     "timing": (timing.timing, 100),
-    "overhead": (overhead.overhead, 10),
+    "overhead": (overhead.overhead, 50),
     "sequential": (sequential.sequential, 2000),
 }
 
