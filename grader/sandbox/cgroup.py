@@ -17,6 +17,7 @@ _PATIENCE = 5.0
 _NEEDED = ("memory", "pids")
 #: Where the processes go that are in the way of delegating a group of version 2.
 _HOST = "grader-host"
+_PREFIX = "grader-of-"
 
 
 class Cgroup:
@@ -35,13 +36,14 @@ class Cgroup:
     """
 
     def __init__(self, memory_bytes, processes):
-        name = f"grader-{os.getpid()}-{secrets.token_hex(4)}"
+        name = f"{_PREFIX}{os.getpid()}-{secrets.token_hex(4)}"
         self._limits = {"memory": memory_bytes, "pids": processes}
         self._paths = {}
         try:
             for controller in _NEEDED:
                 version, parent = _parent(controller)
                 path = parent / name
+                _remove_stale(parent)
                 if path not in self._paths.values():
                     path.mkdir()
                 self._paths[controller] = path
@@ -113,6 +115,17 @@ class Cgroup:
                 (path / "memory.swap.max").write_text("0")
         else:
             (path / "memory.limit_in_bytes").write_text(value)
+
+
+def _remove_stale(parent):
+    """Remove the groups whose makers were killed before they could; those that are in use cannot be removed."""
+    for group in parent.glob(f"{_PREFIX}*"):
+        maker = group.name.removeprefix(_PREFIX).partition("-")[0]
+        if not Path("/proc", maker).exists():
+            try:
+                group.rmdir()
+            except OSError:
+                pass  # still in use, or gone
 
 
 def _parent(controller):

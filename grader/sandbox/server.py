@@ -1,5 +1,6 @@
 """Outside: launches the fork server, and starts it again when it has died."""
 
+import fcntl
 import json
 import os
 import socket
@@ -7,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 
 from grader.sandbox import bubblewrap, isolation
 from grader.sandbox.cgroup import Cgroup
@@ -18,6 +20,9 @@ from grader.sandbox.zygote import remove
 LAUNCH_SECONDS, ANSWER_SECONDS = 120.0, 30.0
 #: What a control group may hold beside the limits of one worker: the fork server, and what shuts it in.
 SHARED_BYTES, SHARED_PROCESSES = 1 << 30, 32
+
+
+_PREFIX = "grader-"
 
 
 class Server:
@@ -101,6 +106,7 @@ class Server:
             self._cgroup.remove()
             self._cgroup = None
         remove(self.directory)
+        os.close(self._lock)
 
     def fork(self, descriptors, directory):
         """Fork a worker.
@@ -180,7 +186,8 @@ class Server:
 
     def _launch(self):
         """Start the process; the modules are imported while the caller goes on."""
-        self.directory = tempfile.mkdtemp(prefix="grader-")
+        _remove_stale()
+        self.directory, self._lock = _new_directory()
         # Its workers pass through on the way to their own, and can do no more.
         os.chmod(self.directory, 0o711)
         self._log = tempfile.TemporaryFile()
@@ -232,6 +239,40 @@ class Server:
         self._log.seek(0)
         lines = self._log.read().decode(errors="replace").strip().splitlines()
         return f": {lines[-1]}" if lines else ""
+
+
+def _new_directory():
+    """A new directory and a descriptor that holds it."""
+    while True:
+        directory = tempfile.mkdtemp(prefix=_PREFIX)
+        descriptor = _lock(directory)
+        # In between, another server may have taken it for one of the dead.
+        if descriptor is not None and os.path.exists(directory):
+            return directory, descriptor
+
+
+def _lock(directory):
+    """A descriptor that holds a directory; None if somebody else does, or it is gone."""
+    try:
+        descriptor = os.open(directory, os.O_RDONLY | os.O_NOFOLLOW | os.O_DIRECTORY)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+def _remove_stale():
+    """Remove the directories of servers that could not: they were killed, and with them whoever held the lock."""
+    for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+        descriptor = _lock(path)
+        if descriptor is not None:
+            if os.fstat(descriptor).st_uid == os.geteuid():
+                remove(path)
+            os.close(descriptor)
 
 
 def _process_number(descriptor):

@@ -2,7 +2,9 @@
 
 import os
 import signal
+import subprocess
 import sys
+import tempfile
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -480,3 +482,34 @@ def test_when_the_host_is_gone_so_are_its_processes_and_its_directory(plain_serv
         plain_server._control.close()
         assert all(reached(pid, "XZ") for pid in pids)
         assert not os.path.exists(plain_server.directory)
+
+
+KILLED = """
+import sys, time
+from course_lib.vacuum.constants import Constants
+from grader.sandbox.program import Limits, Program
+from grader.sandbox.server import Server
+server = Server(tier=int(sys.argv[1])).__enter__()
+source = "def Estimator(previous, observation, control, constants, rng): return rng.normal(size=(3, 2))"
+worker = server.start(Program(source, "Estimator", Constants(), 1), Limits(), dimension=2)
+worker.step(None, None)
+print(server.directory, server._process.pid, worker._pid, flush=True)
+time.sleep(600)
+"""
+
+
+@linux
+@pytest.mark.parametrize("tier", range(4))
+def test_what_a_killed_host_leaves_the_next_one_removes(tier, tmp_path, monkeypatch):
+    need(tier)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    tmp_path.chmod(0o755)
+    with subprocess.Popen([sys.executable, "-c", KILLED, str(tier)], stdout=subprocess.PIPE, text=True) as host:
+        directory, *pids = host.stdout.readline().split()
+        host.kill()
+        assert all(reached(pid, "XZ") for pid in pids)
+    with Server(tier=tier):
+        assert not os.path.exists(directory)
+        assert len(os.listdir(tmp_path)) == 1
+    assert os.listdir(tmp_path) == []
