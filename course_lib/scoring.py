@@ -58,7 +58,7 @@ def energy_score(points, weights, truths):
     ----------
     T. Gneiting, A. E. Raftery, *Strictly proper scoring rules, prediction, and estimation*, JASA 102, 2007, eq. (22).
     """
-    points, weights, truths = (np.ascontiguousarray(a, dtype=float) for a in (points, weights, truths))
+    points, weights, truths = _contiguous(points, weights, truths)
     to_truth, to_others = _mean_distances(points, weights, truths)
     return float(to_truth.mean() - 0.5 * weights @ to_others)
 
@@ -83,14 +83,32 @@ def region_rank(points, weights, truth):
     float
         Between 0 (at the centre) and 1 (farther out than every point).
     """
-    points, weights = (np.ascontiguousarray(a, dtype=float) for a in (points, weights))
-    to_truth, to_others = _mean_distances(points, weights, np.atleast_2d(truth).astype(float))
+    return energy_score_and_rank(points, weights, truth)[1]
+
+
+def energy_score_and_rank(points, weights, truth):
+    """`energy_score` and `region_rank` of a single truth: most of the work of either is the same.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, d)
+    weights : ndarray, shape (N,)
+        Normalised.
+    truth : ndarray, shape (d,)
+
+    Returns
+    -------
+    score, rank : float
+    """
+    points, weights, truths = _contiguous(points, weights, np.atleast_2d(truth))
+    to_truth, to_others = _mean_distances(points, weights, truths)
+    score = float(to_truth[0] - 0.5 * weights @ to_others)
     # Σ_j w_j |x_i - x_j| has nothing to say for j = i: there the truth stands in, which makes it one point among N + 1.
-    depth = to_others + weights * np.linalg.norm(points - truth, axis=1)
+    depth = to_others + weights * np.linalg.norm(points - truths, axis=1)
     if len(points) == 1:
         # Two points are equally central. But a filter that is sure of one is right there and nowhere else.
-        return float(to_truth[0] > 0.0)
-    return float(weights @ (depth < to_truth[0]))
+        return score, float(to_truth[0] > 0.0)
+    return score, float(weights @ (depth < to_truth[0]))
 
 
 def nees(gaussian, truths, angles=()):
@@ -138,6 +156,10 @@ def thin(particles, size, rng):
     if len(states) <= size and np.ptp(log_weights) == 0.0:
         return particles
     return equally_weighted(states[systematic(np.exp(log_weights), rng, min(size, len(states)))])
+
+
+def _contiguous(*arrays):
+    return (np.ascontiguousarray(array, dtype=float) for array in arrays)
 
 
 @njit("Tuple((float64[::1], float64[::1]))(float64[:, ::1], float64[::1], float64[:, ::1])", cache=True)

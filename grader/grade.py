@@ -10,7 +10,7 @@ from grader.evaluate import Outcome, evaluate, recorded_run
 from grader.result import CriterionResult, Episode, Result, Trace, VariantResult
 from grader.sandbox import isolation
 from grader.secret import fingerprint
-from grader.sequential import CONFIDENCE, bounds, schedule
+from grader.sequential import CONFIDENCE, bounds, schedule, soonest
 from grader.timing import measure_speed
 
 #: After this many episodes that ran out of time or broke the sandbox the rest of the round is not run: it would take
@@ -180,6 +180,7 @@ def _run(submission, assignment, server, references, secret, width):
     weights = np.array([variant.points for variant in variants]) / most
     outcomes = {variant.name: [] for variant in variants}
     shares, costly = [], 0
+    first = soonest(width / most)
     low, high = 0.0, most
     for number, (variant, episode) in enumerate(episodes, 1):
         outcome = evaluate(server, assignment, variant, episode, secret, submission.source)
@@ -190,7 +191,7 @@ def _run(submission, assignment, server, references, secret, width):
             _give_up(assignment, outcomes, episodes, number)
             return outcomes, None, IMPATIENT
         # Before, a variant not yet seen may be worth anything.
-        if number >= len(variants):
+        if number >= max(len(variants), first) or number == len(episodes):
             lower, upper = bounds(shares, strata, weights, width / most)
             low, high = max(low, most * float(lower)), min(high, most * float(upper))
             if high - low < width:

@@ -70,6 +70,17 @@ def schedule(counts, length):
     return np.array([stratum for _, stratum in sorted(visits)[:length]])
 
 
+def soonest(width, confidence=CONFIDENCE):
+    """Episodes after which an interval is as narrow as this if all goes for the best: full shares, the highest stakes.
+
+    Before, one need not look.
+    """
+    if width >= 1.0:
+        return 0.0
+    gain = np.log(2.0 / (1.0 - confidence))
+    return float(gain / np.log((1.0 + LEAST_OFFSET) / (1.0 - width + LEAST_OFFSET)))
+
+
 def bounds(shares, strata, weights, width, confidence=CONFIDENCE):
     """An interval for the stratified mean after these episodes, valid after any number of them.
 

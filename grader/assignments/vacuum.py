@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from course_lib.scoring import best_share_error, energy_score, region_rank, thin
+from course_lib.scoring import best_share_error, energy_score, energy_score_and_rank, thin
 from course_lib.vacuum.constants import Constants, Hidden
 from course_lib.vacuum.world import World
 from grader.assignment import Assignment, Criterion, LogUniform, Speed, Uniform, Variant
@@ -66,11 +66,12 @@ def measure(particles, truth, rng):
         np.hypot(*(particles.states[:, column : column + 2] - truth[column : column + 2]).T) for column in (0, 3)
     ]
     shares = particles.weights
+    score, rank = energy_score_and_rank(points, weights, truth[columns])
     return {
         "best half": float(np.mean([best_share_error(distance, shares) for distance in distances])),
         "all particles": float(np.mean([distance @ shares for distance in distances])),
-        "energy score": energy_score(points, weights, truth[None, columns]),
-        COVERAGE: float(region_rank(points, weights, truth[columns]) <= 0.9),
+        "energy score": score,
+        COVERAGE: float(rank <= 0.9),
     }
 
 

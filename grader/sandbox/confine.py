@@ -22,6 +22,8 @@ DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom", "/dev/random")
 #: Descriptors a program may have open.
 DESCRIPTORS = 64
 
+_libc = ctypes.CDLL(None, use_errno=True)
+
 
 def server(policy, directory):
     """Confine the fork server, once it has imported everything.
@@ -71,7 +73,7 @@ def reader(roots):
 def die_with(parent):
     """Have the kernel kill this process when its parent ends."""
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+        _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
         if os.getppid() != parent:
             os._exit(1)
 
@@ -91,19 +93,17 @@ def _limit(policy, limits):
 
 def _become(user):
     """Give up root's identity, but not yet the capabilities."""
-    libc = ctypes.CDLL(None, use_errno=True)
-    libc.prctl(_PR_SET_KEEPCAPS, 1, 0, 0, 0)
+    _libc.prctl(_PR_SET_KEEPCAPS, 1, 0, 0, 0)
     os.setgroups([])
     os.setresgid(user, user, user)
     os.setresuid(user, user, user)
-    libc.prctl(_PR_SET_KEEPCAPS, 0, 0, 0, 0)
+    _libc.prctl(_PR_SET_KEEPCAPS, 0, 0, 0, 0)
 
 
 def _keep_capabilities(mask):
     """Give up all capabilities but these, none of which can be handed on."""
-    libc = ctypes.CDLL(None, use_errno=True)
     header = struct.pack("<Ii", _CAPABILITIES_VERSION, 0)
     # Effective, permitted and inheritable; the upper halves follow.
-    if libc.capset(header, struct.pack("<6I", mask, mask, 0, 0, 0, 0)):
+    if _libc.capset(header, struct.pack("<6I", mask, mask, 0, 0, 0, 0)):
         error = ctypes.get_errno()
         raise OSError(error, f"capabilities: {os.strerror(error)}")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from course_lib.filters import Gaussian, Particles, equally_weighted, normalise
+from course_lib.filters import Gaussian, Particles, equally_weighted
 
 
 class PosteriorError(ValueError):
@@ -67,9 +67,10 @@ def _check_target(target, dimension, most):
         raise PosteriorError("a log-weight is +inf: log-weights are the logarithms of weights")
     if largest == -np.inf:
         raise PosteriorError("all log-weights are -inf: no particle has any weight")
+    # From the largest, so that no offset is so great that the logarithm of the sum is lost in it.
     with np.errstate(over="ignore"):
-        # From the largest, so that no offset is so great that the logarithm of the sum is lost in it.
-        return Particles(states, normalise(log_weights - largest)[0])
+        shifted = log_weights - largest
+    return Particles(states, shifted - np.log(np.exp(shifted).sum()))
 
 
 def _check_gaussian(gaussian, dimension):

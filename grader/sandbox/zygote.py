@@ -156,6 +156,7 @@ def _import(modules):
     if sys.platform == "linux":
         # Orphans of a worker become children of this process, where _sweep finds them.
         ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    sys.modules["grader.sandbox.worker"].rehearse()
     # What is here stays: a worker's garbage collector need not touch, and so copy, its pages.
     gc.collect()
     gc.freeze()

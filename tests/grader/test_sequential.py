@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.stats import norm
 
-from grader.sequential import LARGEST_OFFSET, LEAST_OFFSET, bounds, offsets, schedule
+from grader.sequential import LARGEST_OFFSET, LEAST_OFFSET, bounds, offsets, schedule, soonest
 
 WIDTH, GAIN = 0.15, np.log(2.0 / 0.05)
 
@@ -258,3 +258,14 @@ def test_narrower_with_more_episodes():
     shares = (np.random.default_rng(2).random((200, 40)) < 0.8) * 1.0
     widths = [np.diff(ours(shares[:, :t]), axis=0).mean() for t in (8, 16, 24, 40)]
     assert widths == sorted(widths, reverse=True) and widths[-1] < 0.45
+
+
+@pytest.mark.parametrize("width", [0.1, 0.15, 0.3])
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_no_interval_is_narrow_sooner_than_it_is_looked_for(width, share):
+    least = int(soonest(width))
+    for strata in (1, 5):
+        order = schedule([1] * strata, 2 * least)
+        low, high = bounds(np.full(least, share), order, np.full(strata, 1 / strata), width)
+        assert high - low >= width
+    assert soonest(1.0) == 0.0

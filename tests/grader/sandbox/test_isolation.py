@@ -287,3 +287,19 @@ def test_what_outlives_a_program_is_an_escape(monkeypatch):
         with pytest.raises(Escape, match="had started processes"):
             server.end(1, 0.0)
         assert server._process is None
+
+
+# Large pages
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks at its own memory as Linux shows it")
+def test_memory_in_large_pages_is_the_same_memory():
+    program = [
+        "import numpy as np",
+        "from grader.sandbox import pages",
+        "numbers = np.arange(4_000_000.0)",
+        "made = pages.gather()",
+        "print(made >= 0, (numbers == np.arange(4_000_000.0)).all())",
+    ]
+    done = subprocess.run([sys.executable, "-c", "\n".join(program)], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "True"]
