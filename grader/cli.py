@@ -28,7 +28,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_
 secrets = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(secrets, name="secret", help="Make and name the file that chooses hidden episodes.")
 # Piped into a file, there is no width to ask for.
-console = Console(width=None if sys.stdout.isatty() else 110, emoji=False)
+console = Console(width=None if sys.stdout.isatty() else 120, emoji=False)
 errors = Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
 
 #: Of a progress bar.
