@@ -6,6 +6,7 @@ import os
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing.util import Finalize
 
 from grader.assignments import assignments
 from grader.grade import grade, plan, reference_outcome, refused
@@ -112,6 +113,9 @@ def _set_up(name, secret, turn, tier):
         server=Server(preload=(type(constants).__module__,), withheld=assignment.withheld, tier=tier),
         reference_server=Server(trusted=assignment.reference, tier=tier),
     )
+    for server in (_bench["server"], _bench["reference_server"]):
+        # A process of a pool ends without its interpreter's own finalisation.
+        Finalize(None, server.close, exitpriority=0)
     # What has been imported stays: the garbage collector need not look through it again and again.
     gc.collect()
     gc.freeze()
