@@ -203,6 +203,9 @@ class Server:
             try:
                 self._cgroup = Cgroup(limits.memory_bytes + SHARED_BYTES, limits.threads + SHARED_PROCESSES)
             except OSError as error:
+                self._log.close()
+                remove(self.directory)
+                os.close(self._lock)
                 raise SandboxError(f"no control group can be made any more: {error}") from error
             words = self._cgroup.entering() + words
         self._control, theirs = socket.socketpair()

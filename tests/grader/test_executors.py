@@ -6,8 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from grader import executors
 from grader.assignments import assignments
-from grader.executors import Pool
+from grader.executors import Pool, local_pool
 from grader.submission import Submission
 
 
@@ -67,3 +68,17 @@ def test_a_reference_that_fails_ends_it_at_once():
 
     with pytest.raises(RuntimeError, match="the reference failed"):
         Pool(SimpleNamespace(submit=submit), assignments()["vacuum"], b"secret").references(45)
+
+
+def test_a_pool_leaves_nothing_where_its_fork_servers_were(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    with local_pool(assignments()["vacuum"], b"a secret of the tests", jobs=1) as pool:
+        pool._executor.submit(enter_both).result()
+        assert len(list(tmp_path.glob("grader-*"))) == 2
+    assert list(tmp_path.glob("grader-*")) == []
+
+
+def enter_both():
+    """In a process of the pool: start both of its fork servers."""
+    for name in ("server", "reference_server"):
+        executors._bench[name].__enter__()
