@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from course_lib.ranges import check_ranges
+
 
 @dataclass(frozen=True)
 class Constants:
@@ -40,7 +42,7 @@ class Constants:
     v_s_bar: float = 0.0
 
     def __post_init__(self):
-        _check_ranges(
+        check_ranges(
             self,
             L=(1e-9, np.inf),
             Ts=(1e-9, np.inf),
@@ -87,7 +89,7 @@ class Hidden:
     report_probability: float = 0.2
 
     def __post_init__(self):
-        _check_ranges(
+        check_ranges(
             self,
             steps=(1, np.inf),
             shortest_segment=(1, self.longest_segment),
@@ -96,10 +98,3 @@ class Hidden:
             fastest=(0.0, np.inf),
             report_probability=(0.0, 1.0),
         )
-
-
-def _check_ranges(record, **ranges):
-    for name, (low, high) in ranges.items():
-        value = getattr(record, name)
-        if not (low <= value <= high and np.isfinite(value)):
-            raise ValueError(f"{name} = {value} must be finite and within [{low:.9g}, {high:.9g}]")
