@@ -4,9 +4,11 @@ import hashlib
 import hmac
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
+
+from grader.sandbox.program import PARAMETERS
 
 #: Keys the episodes when the instructor gives no secret: anyone can repeat these.
 PUBLIC_SECRET = b"public episodes"
@@ -172,63 +174,55 @@ class Speed:
             raise ValueError(f"speed of {self.variant}: {self.steps} updates are too few to time: take {FEWEST_TIMED}")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Assignment:
-    """Everything the grader knows of one assignment.
+    """What the grader knows of any assignment: declare an `EstimatorAssignment` or a `PlannerAssignment`.
 
     Attributes
     ----------
     name, title : str
     entry_point : str
         The function a submission must define.
-    parameters : tuple of str
-        Its parameters, in order.
     reference : str
         `module:function`, the same entry point as the instructor's copy has it.
-    simulate : callable
-        `simulate(variant, rng) -> Run`.
-    measure : callable
-        `measure(posterior, truth, rng) -> dict` of metric name to float, for one step; `truth` is a row of `Run.truth`.
-        Reports read `grader.result.COVERAGE` among them as calibration.
     dimension : int
-        Columns of a state.
-    angles : tuple of int
-        Those of them that are angles, in radians.
-    picture : callable
-        `picture(variant) -> dict` of what a drawing of the world needs: room, sensors, axis titles.
-    positions : tuple of (int, int)
-        State columns x and y of each target, for pictures.
+        Columns of a state in an estimator's posterior, or numbers in a planner's action.
     variants : tuple of Variant
-    speed : Speed
     withheld : tuple of str
         Modules a submission may not import: they hold the answer.
-    deadline : float
-        Wall seconds one call may take before the worker is stopped.
+    deadline, first_call : float
+        Wall seconds that one call may take before the worker is stopped, and that loading the file and the first call
+        may take together.
+    speed : Speed or None
+        None where CPU time earns nothing, as in all closed loops.
     landmarks : dict
         Metric name to ((value, words), ...): the source's own figures, shown beside the results.
     """
 
+    #: What the entry point returns: a key of `grader.sandbox.program.PARAMETERS`.
+    answer: ClassVar[str]
+
     name: str
     title: str
     entry_point: str
-    parameters: tuple[str, ...]
     reference: str
-    simulate: Callable
-    measure: Callable
     dimension: int
-    angles: tuple[int, ...]
-    picture: Callable
-    positions: tuple[tuple[int, int], ...]
     variants: tuple[Variant, ...]
-    speed: Speed
     withheld: tuple[str, ...]
     deadline: float
-    landmarks: dict[str, tuple[tuple[float, str], ...]]
+    first_call: float = 60.0
+    speed: Speed | None = None
+    landmarks: dict[str, tuple[tuple[float, str], ...]] = field(default_factory=dict)
+
+    @property
+    def parameters(self):
+        """The entry point's parameters, in order."""
+        return PARAMETERS[self.answer]
 
     @property
     def points(self):
         """The most a submission can earn."""
-        return sum(variant.points for variant in self.variants) + self.speed.points
+        return sum(variant.points for variant in self.variants) + (self.speed.points if self.speed else 0.0)
 
     def variant(self, name):
         """The variant of this name."""
@@ -240,6 +234,95 @@ class Assignment:
         Whatever simulates or grades takes this one; the declaration itself has ranges where it needs numbers.
         """
         return replace(self, variants=tuple(variant.under(secret, self.name) for variant in self.variants))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EstimatorAssignment(Assignment):
+    """An estimator, graded on replays of recorded runs: `Estimator(previous, observation, control, constants, rng)`.
+
+    Attributes
+    ----------
+    simulate : callable
+        `simulate(variant, rng) -> Run`.
+    measure : callable
+        `measure(posterior, truth, rng) -> dict` of metric name to float, for one step; `truth` is a row of `Run.truth`.
+        Reports read `grader.result.COVERAGE` among them as calibration.
+    angles : tuple of int
+        The columns of a state that are angles, in radians.
+    positions : tuple of (int, int)
+        State columns x and y of each target, for pictures.
+    picture : callable
+        `picture(variant) -> dict` of what a drawing of the world from above needs: "room" [x₀, y₀, x₁, y₁], "sensors"
+        [[x, y, name], ...], "targets" [name, ...] and "unit"; it may have "obstacles" [[x₀, y₀, x₁, y₁], ...].
+    """
+
+    answer = "posterior"
+
+    simulate: Callable
+    measure: Callable
+    angles: tuple[int, ...]
+    positions: tuple[tuple[int, int], ...]
+    picture: Callable
+
+
+class World(Protocol):
+    """One episode of a planner: the truth, its noise and its clock. What a planner does not see is only here.
+
+    Attributes
+    ----------
+    constants : dataclass
+        Frozen: what the planner is told of this episode. Its fields are numbers, strings and tuples of these.
+    over : bool
+        Nothing more can happen: it has arrived, failed, or run out of time. The world itself must see to that.
+    status, message : str
+        Once it is over: "ok" and nothing; or "collided", "not arrived" or what else went wrong, and one line for the
+        student that says when and where, such as "step 63 (3.15 s): flew into obstacle 4 at (1.20, 0.33, 2.00) m".
+    """
+
+    constants: Any
+    over: bool
+    status: str
+    message: str
+
+    def inputs(self):
+        """What the planner is given next: the belief (an array, or None) and the state, an array."""
+
+    def act(self, action):
+        """Advance by one step.
+
+        Parameters
+        ----------
+        action : ndarray, shape (dimension,)
+            Finite, and otherwise anything: what lies beyond the actuators' limits is the world's to cut. However it is
+            acted, every step takes the same draws of the world's generator: all planners meet the same gusts.
+        """
+
+    def metrics(self):
+        """Metric name to float, of an episode that ended "ok"."""
+
+    def position(self):
+        """Where it is, x and y, for pictures."""
+
+    def distance(self):
+        """How far the goal is, for the curve beside the picture."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlannerAssignment(Assignment):
+    """A planner, graded in closed loop: `Planner(previous, belief, state, constants, rng)`.
+
+    Attributes
+    ----------
+    simulate : callable
+        `simulate(variant, rng) -> World`, at its start. The scene is drawn from `rng`, and later the noise of each step.
+    picture : callable
+        `picture(world) -> dict` as an estimator's, without "targets"; it may have a "goal" [x, y, radius].
+    """
+
+    answer = "action"
+
+    simulate: Callable
+    picture: Callable
 
 
 def seed(secret, *words):
@@ -269,7 +352,7 @@ def episode_seed(secret, assignment, variant, episode, purpose):
         Names.
     episode : int
     purpose : str
-        Whose randomness it is: "world", "estimator", "reference", "score". Purposes have unrelated streams.
+        Whose randomness it is: "world", "estimator", "planner", "reference", "score". Purposes have unrelated streams.
 
     Returns
     -------

@@ -7,7 +7,7 @@ import numpy as np
 from course_lib.scoring import best_share_error, energy_score, energy_score_and_rank, thin
 from course_lib.vacuum.constants import Constants, Hidden
 from course_lib.vacuum.world import World
-from grader.assignment import Assignment, Criterion, LogUniform, Speed, Uniform, Variant
+from grader.assignment import Criterion, EstimatorAssignment, LogUniform, Speed, Uniform, Variant
 from grader.result import COVERAGE
 
 #: Particles that stand for a posterior in the scores that cost O(N²).
@@ -80,7 +80,7 @@ def picture(variant):
     constants = variant.constants
     names = ["S1 (A)", "S2 (A)", "S3 (B)", "S4 (B)"]
     return {
-        "room": constants.room.tolist(),
+        "room": [0.0, 0.0, *constants.room.tolist()],
         "sensors": [[x, y, name] for (x, y), name in zip(constants.sensors.tolist(), names, strict=True)],
         "targets": ["robot A", "robot B"],
         "unit": "m",
@@ -185,11 +185,10 @@ VARIANTS = (
 )
 
 ASSIGNMENTS = (
-    Assignment(
+    EstimatorAssignment(
         name="vacuum",
         title="Two vacuum robots: a particle filter",
         entry_point="Estimator",
-        parameters=("previous", "observation", "control", "constants", "rng"),
         reference="course_lib.vacuum.reference:Estimator",
         simulate=simulate,
         measure=measure,

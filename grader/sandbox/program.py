@@ -3,6 +3,12 @@
 from dataclasses import dataclass
 from typing import Any
 
+#: What an entry point is called with, by what it answers.
+PARAMETERS = {
+    "posterior": ("previous", "observation", "control", "constants", "rng"),
+    "action": ("previous", "belief", "state", "constants", "rng"),
+}
+
 
 class SandboxError(Exception):
     """The sandbox itself does not work: the instructor's problem, not the student's."""
@@ -18,7 +24,7 @@ class StudentError(Exception):
     Attributes
     ----------
     status : str
-        "crashed", "timeout", "invalid posterior", "flooded", "exited", "memory" or "disk".
+        "crashed", "timeout", "invalid posterior" (or "action"), "flooded", "exited", "memory" or "disk".
     message : str
         One line for the student.
     """
@@ -39,11 +45,13 @@ class Program:
     entry_point : str
         The function that the source defines.
     constants : dataclass
-        Its module must be importable and its fields numbers, strings or tuples of these.
+        Its module must be importable and its fields numbers, strings or tuples of these, however nested.
     seed : int
-        Of the estimator's generator.
+        Of the program's generator.
     trusted : str or None
         `module:function`, the instructor's own.
+    answer : str
+        A key of `PARAMETERS`: what it is called with and must return.
     """
 
     source: str | None
@@ -51,6 +59,7 @@ class Program:
     constants: Any
     seed: int
     trusted: str | None = None
+    answer: str = "posterior"
 
 
 @dataclass(frozen=True)
