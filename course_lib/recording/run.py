@@ -1,4 +1,4 @@
-"""Recorded experiments: what a world writes and a replay reads."""
+"""A run of T steps: what a world writes and a replay reads."""
 
 from dataclasses import dataclass
 
