@@ -298,7 +298,7 @@ class World(Protocol):
         """
 
     def metrics(self):
-        """Metric name to float, of an episode that ended "ok"."""
+        """Metric name to a positive number, of an episode that ended "ok": the less the better."""
 
     def position(self):
         """Where it is, x and y, for pictures."""
@@ -314,7 +314,7 @@ class PlannerAssignment(Assignment):
     Attributes
     ----------
     simulate : callable
-        `simulate(variant, rng) -> World`, at its start. The scene is drawn from `rng`, and later the noise of each step.
+        `simulate(variant, rng) -> World`, at its start. The scene is drawn from `rng`, and later each step's noise.
     picture : callable
         `picture(world) -> dict` as an estimator's, without "targets"; it may have a "goal" [x, y, radius].
     """

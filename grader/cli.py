@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
 
 from grader import doctor as examination
 from grader import intake
 from grader.assignment import PUBLIC_SECRET
-from grader.assignments import assignments
+from grader.assignments import assignments, load
 from grader.executors import local_pool
 from grader.grade import WIDTH, most_episodes, refused
 from grader.names import file_name
@@ -39,13 +41,16 @@ SOME_REFUSED, NOTHING_DONE = 1, 2
 
 @app.callback()
 def _commands():
-    """Grade a class's estimators, and make the course's notebooks."""
+    """Grade a class's programs, and make the course's notebooks."""
 
 
 @app.command()
 def grade(
     submissions: Annotated[list[Path], typer.Argument(help="Files (.py, .ipynb), zips or folders of them.")],
-    assignment: Annotated[str | None, typer.Option("--assignment", "-a", help="Which assignment they answer.")] = None,
+    assignment: Annotated[
+        str | None,
+        typer.Option("--assignment", "-a", help="Which assignment they answer; `grader assignments` lists them."),
+    ] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for report.html and results/.")] = Path(
         "grades"
     ),
@@ -96,6 +101,20 @@ def grade(
     console.print(f"Report: {output / 'report.html'}", soft_wrap=True, markup=False)
     if any(result.status == "refused" for result in results):
         raise typer.Exit(SOME_REFUSED)
+
+
+@app.command("assignments")
+def list_assignments():
+    """List the assignments there are, and what each asks for."""
+    found, broken = load()
+    rows = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for title in ("--assignment", "title", "a submission defines", "variants", "points"):
+        rows.add_column(title, no_wrap=title == "--assignment")
+    for name, assignment in sorted(found.items()):
+        defines = f"{assignment.entry_point}({', '.join(assignment.parameters)})"
+        rows.add_row(name, assignment.title, defines, str(len(assignment.variants)), f"{assignment.points:g}")
+    console.print(rows)
+    _warn(broken)
 
 
 @secrets.command("new")
@@ -171,21 +190,21 @@ def doctor():
     console.print(f"\n`grader grade` uses tier {used}{advice}.\n", highlight=False)
     for name, value in examination.facts().items():
         console.print(f"{name}: {value}", highlight=False, markup=False, soft_wrap=True)
-    chosen = next(iter(assignments().values())).under(PUBLIC_SECRET)
+    timed = next(assignment for assignment in assignments().values() if assignment.speed).under(PUBLIC_SECRET)
     with Progress(*COLUMNS, console=console, transient=True) as progress:
         tiers = [tier.number for tier in isolation.probe() if tier.available and tier.number > 0]
         task = progress.add_task("trying to break out", total=len(tiers) + 1)
         lines = []
         try:
             for tier in tiers:
-                escapes = examination.attempt(tier, chosen)
+                escapes = examination.attempt(tier, timed)
                 tried = sum(least <= tier for least in examination.ATTEMPTS.values())
                 sound = sound and not escapes
                 found = f"SUCCEEDED: {', '.join(escapes)}" if escapes else f"all {tried} attempts to break out failed"
                 lines.append(f"tier {tier}: {found}")
                 progress.advance(task)
             progress.update(task, description="timing the reference")
-            ratios = examination.time_reference(chosen, used)
+            ratios = examination.time_reference(timed, used)
         except (SandboxError, StudentError) as error:
             _stop(f"a tier that seemed available does not work: {error}")
     console.print("\n" + "\n".join(lines), highlight=False, markup=False)
@@ -241,12 +260,20 @@ def _cap(assignment, width, episodes):
 
 
 def _choose(name):
-    available = assignments()
-    if name is None and len(available) == 1:
+    available, broken = load()
+    _warn(broken)
+    if name is None and len(available) == 1 and not broken:
         return next(iter(available.values()))
     if name not in available:
-        _stop(f"name the assignment with --assignment: one of {', '.join(sorted(available))}")
+        problem = "which assignment?" if name is None else f"there is no assignment {name}:"
+        choice = ", ".join(f"{each} ({available[each].title})" for each in sorted(available))
+        _stop(f"{problem} --assignment is one of {choice}")
     return available[name]
+
+
+def _warn(lines):
+    for line in lines:
+        errors.print(line, style="yellow", markup=False)
 
 
 def _tier(allow_unsandboxed):

@@ -1,42 +1,49 @@
-"""Error: replay recorded runs to an estimator in its sandbox, and measure what it returns against the truth."""
+"""Error: replay recorded runs to an estimator in its sandbox and measure its posteriors against the truth; or let a
+planner, there, steer a world that is here, and see how it ends."""
 
 from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
 
+from course_lib.angles import wrap
 from course_lib.filters import Gaussian, Particles, equally_weighted
 from course_lib.scoring import nees, thin
 from grader.assignment import episode_seed
 from grader.result import NEES
 from grader.sandbox.program import Limits, Program, SandboxError, StudentError
 
-#: Draws that stand for a Gaussian posterior where a metric wants particles.
-GAUSSIAN_DRAWS = 2000
+#: Draws that stand for a Gaussian posterior where a metric wants particles, in pairs on either side of the mean.
+GAUSSIAN_DRAWS = 500
 #: Particles of a picture, and steps between two pictures.
 FRAME_PARTICLES, FRAME_EVERY = 100, 5
-#: A metric beyond this says that the posterior is nowhere near its world, and would overflow what is made of it.
+#: A metric beyond this says that an answer is nowhere near its world, and would overflow what is made of it.
 LARGEST_METRIC = 1e9
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What became of one estimator in one episode.
+    """What became of one program in one episode.
 
     Attributes
     ----------
     status, message : str
         As in `grader.result.Episode`.
     metrics : dict of str to ndarray
-        Metric name to its values at steps 0, 1, ..., as far as the estimator came; `NEES` at those with a Gaussian.
+        Metric name to its values at steps 0, 1, ..., as far as the estimator came; `NEES` at those with a Gaussian. Of
+        a planner that arrived, to the one value each.
     frames : list of dict
-        As in `grader.result.Trace`.
+        As in `grader.result.Trace`; of estimators.
+    path, distances : list
+        The planner's [x, y] and its distance to the goal at times 0, 1, ..., as far as it came.
     """
 
     status: str
     message: str
     metrics: dict[str, np.ndarray]
     frames: list[dict] = field(default_factory=list)
+    path: list[list[float]] = field(default_factory=list)
+    distances: list[float] = field(default_factory=list)
 
     @property
     def values(self):
@@ -48,11 +55,11 @@ class Outcome:
 
 @lru_cache(maxsize=256)
 def recorded_run(assignment, variant, episode, secret):
-    """The run every submission of the class meets in this episode.
+    """The run every estimator of the class meets in this episode.
 
     Parameters
     ----------
-    assignment : Assignment
+    assignment : EstimatorAssignment
     variant : Variant
     episode : int
     secret : bytes
@@ -66,31 +73,58 @@ def recorded_run(assignment, variant, episode, secret):
     ValueError
         The variant is a declaration whose numbers no secret has drawn.
     """
+    return simulated(assignment, variant, episode, secret)
+
+
+def simulated(assignment, variant, episode, secret):
+    """As `recorded_run`; of a PlannerAssignment a world at its start, which is nobody else's."""
     if variant.ranges:
         raise ValueError(f"variant {variant.name} has ranges, not numbers: take it from assignment.under(secret)")
     seed = episode_seed(secret, assignment.name, variant.name, episode, "world")
     return assignment.simulate(variant, np.random.default_rng(seed))
 
 
-def program(assignment, variant, episode, secret, source=None):
-    """What a sandbox needs to run an estimator in this episode: the submission's source, or else the reference."""
-    purpose = "estimator" if source is not None else "reference"
+def program(assignment, variant, episode, secret, source=None, constants=None):
+    """What a sandbox needs to run a program in this episode: the submission's source, or else the reference.
+
+    It is told the constants of the variant, or those given.
+    """
+    purpose = "reference" if source is None else {"posterior": "estimator", "action": "planner"}[assignment.answer]
     return Program(
         source=source,
         trusted=assignment.reference if source is None else None,
         entry_point=assignment.entry_point,
-        constants=variant.constants,
+        constants=variant.constants if constants is None else constants,
         seed=episode_seed(secret, assignment.name, variant.name, episode, purpose),
+        answer=assignment.answer,
     )
+
+
+def preload(assignment):
+    """Modules of what programs are given, for a fork server to import.
+
+    Parameters
+    ----------
+    assignment : Assignment
+        Under a secret.
+
+    Returns
+    -------
+    tuple of str
+    """
+    given = assignment.variants[0].constants
+    if assignment.answer == "action":
+        given = assignment.simulate(assignment.variants[0], np.random.default_rng(0)).constants
+    return (type(given).__module__,)
 
 
 def limits(assignment):
     """What one episode may use."""
-    return Limits(call=assignment.deadline)
+    return Limits(call=assignment.deadline, first_call=assignment.first_call)
 
 
 def evaluate(server, assignment, variant, episode, secret, source=None):
-    """Replay one episode.
+    """Run one episode.
 
     Parameters
     ----------
@@ -106,7 +140,7 @@ def evaluate(server, assignment, variant, episode, secret, source=None):
     Returns
     -------
     Outcome
-        Also of an estimator that fails: then with the metrics up to its last good step.
+        Also of a program that fails: then with the metrics or the path up to its last good step.
 
     Raises
     ------
@@ -114,9 +148,10 @@ def evaluate(server, assignment, variant, episode, secret, source=None):
         The sandbox broke under the reference: it does not work at all. When it breaks twice under a submission, that
         submission broke it.
     """
+    run = {"posterior": _replay, "action": _steer}[assignment.answer]
     for _ in range(2):
         try:
-            return _replay(server, assignment, variant, episode, secret, source)
+            return run(server, assignment, variant, episode, secret, source)
         except SandboxError as error:
             if source is None:
                 raise
@@ -135,7 +170,7 @@ def _replay(server, assignment, variant, episode, secret, source):
             for k in range(run.steps + 1):
                 inputs = (None, None) if k == 0 else (run.observations[k - 1], run.controls[k - 1])
                 posterior = worker.step(*inputs)
-                particles = as_particles(posterior, k, rng)
+                particles = as_particles(posterior, assignment.angles, k, rng)
                 steps.append(measured(assignment, particles, run.truth[k], k, rng))
                 if isinstance(posterior, Gaussian):
                     steps[-1][NEES] = _nees(posterior, run.truth[k], assignment.angles)
@@ -148,17 +183,64 @@ def _replay(server, assignment, variant, episode, secret, source):
     return Outcome(status, message, metrics, frames)
 
 
-def as_particles(posterior, k, rng):
-    """Every posterior as equally or otherwise weighted particles."""
+def _steer(server, assignment, variant, episode, secret, source):
+    world = simulated(assignment, variant, episode, secret)
+    path, distances, metrics = [], [], {}
+
+    def look():
+        path.append([round(float(coordinate), 3) for coordinate in world.position()])
+        distances.append(round(float(world.distance()), 4))
+
+    try:
+        task = program(assignment, variant, episode, secret, source, world.constants)
+        with server.start(task, limits(assignment), dimension=assignment.dimension) as worker:
+            look()
+            while not world.over:
+                world.act(worker.step(*world.inputs()))
+                look()
+        status, message = world.status, world.message
+        if status == "ok":
+            metrics = {name: np.array([value]) for name, value in achieved(world).items()}
+    except StudentError as error:
+        status, message = error.status, error.message
+    return Outcome(status, message, metrics, path=path, distances=distances)
+
+
+def achieved(world):
+    """The metrics of a world that ended well, all of them numbers one can write down."""
+    metrics = world.metrics()
+    for name, value in metrics.items():
+        if not abs(value) <= LARGEST_METRIC:
+            message = f"the {name} is {value:.3g}: keep actions within the actuators' limits"
+            raise StudentError("invalid action", message)
+    return metrics
+
+
+def as_particles(posterior, angles, k, rng):
+    """Every posterior as equally or otherwise weighted particles.
+
+    Of a Gaussian, draws whose angles are wrapped. They take as much of `rng` whatever its numbers are, so that the
+    reference and a submission that both return Gaussians are compared by the same draws.
+    """
     if isinstance(posterior, Particles):
         return posterior
     if isinstance(posterior, Gaussian):
-        draws = rng.multivariate_normal(posterior.mean, posterior.covariance, GAUSSIAN_DRAWS, method="eigh")
-        return equally_weighted(draws)
+        return equally_weighted(_draws(posterior, list(angles), rng))
     raise StudentError(
         "invalid posterior",
         f"step {k}: expected one posterior of all targets together, got a list of {len(posterior)}",
     )
+
+
+def _draws(gaussian, angles, rng):
+    with np.errstate(over="ignore", invalid="ignore"):
+        variances, axes = np.linalg.eigh(gaussian.covariance)
+        normals = rng.standard_normal((GAUSSIAN_DRAWS // 2, len(variances)))
+        # The symmetric root: where covariances differ little, draws by the same normals do.
+        deviations = normals @ (axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T)
+        states = np.concatenate([gaussian.mean + deviations, gaussian.mean - deviations])
+        states[:, angles] = wrap(states[:, angles])
+    return states
 
 
 def measured(assignment, particles, truth, k, rng):

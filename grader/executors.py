@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from multiprocessing.util import Finalize
 
 from grader.assignments import assignments
+from grader.evaluate import preload
 from grader.grade import grade, plan, reference_outcome, refused
 from grader.sandbox.server import Server
 from grader.submission import Refusal
@@ -105,12 +106,11 @@ class Pool:
 
 def _set_up(name, secret, turn, tier):
     assignment = assignments()[name].under(secret)
-    constants = assignment.variants[0].constants
     _bench.update(
         assignment=assignment,
         secret=secret,
         turn=turn,
-        server=Server(preload=(type(constants).__module__,), withheld=assignment.withheld, tier=tier),
+        server=Server(preload=preload(assignment), withheld=assignment.withheld, tier=tier),
         reference_server=Server(trusted=assignment.reference, tier=tier),
     )
     for server in (_bench["server"], _bench["reference_server"]):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from grader.evaluate import Outcome, evaluate, recorded_run
+from grader.evaluate import Outcome, evaluate, recorded_run, simulated
 from grader.result import CriterionResult, Episode, Result, Trace, VariantResult
 from grader.sandbox import isolation
 from grader.secret import fingerprint
@@ -24,6 +24,9 @@ WIDTH = 15.0
 ROUNDS = 2
 #: Why episodes ended.
 NARROW, CAPPED, IMPATIENT = "the interval is narrow enough", "the cap is reached", "patience is lost"
+
+#: What is drawn of a planner over time.
+DISTANCE = "distance to the goal"
 
 
 def most_episodes(assignment):
@@ -65,7 +68,7 @@ def reference_outcome(reference_server, assignment, variant, episode, secret):
     Returns
     -------
     Outcome
-        Without frames: nobody looks at the reference's.
+        Without clouds: nobody looks at the reference's.
 
     Raises
     ------
@@ -110,7 +113,7 @@ def grade(submission, assignment, server, reference_server, references, secret, 
     variants = [
         _variant_result(variant, outcomes[variant.name], references[variant.name]) for variant in assignment.variants
     ]
-    if any(outcome.status == "ok" for episodes in outcomes.values() for outcome in episodes):
+    if assignment.speed and any(outcome.status == "ok" for episodes in outcomes.values() for outcome in episodes):
         with timing_turn:
             graded = outcomes[assignment.speed.variant]
             speed = measure_speed(server, reference_server, assignment, secret, submission.source, graded)
@@ -131,7 +134,7 @@ def grade(submission, assignment, server, reference_server, references, secret, 
         max_points=assignment.points,
         variants=variants,
         speed=speed,
-        trace=_worst(assignment, outcomes, references, secret),
+        trace=_trace(assignment, outcomes, references, secret),
         environment=environment(secret, server.tier),
         dimension=assignment.dimension,
         # It contains the mean, but in rare cases of an unlikely sequence the bets do not know that.
@@ -246,23 +249,34 @@ def _variant_result(variant, outcomes, references):
     return VariantResult(variant.name, variant.title, criteria, episodes, drawn=variant.drawn)
 
 
-def _worst(assignment, outcomes, references, secret):
-    """The episode that went worst against the reference, of those with one truth; None when nothing ran."""
-    candidates = []
-    for variant in assignment.variants:
+def _trace(assignment, outcomes, references, secret):
+    """The episode that went worst against the reference; None when none can be drawn."""
+    candidates = [
+        (variant, episode, outcome, references[variant.name][episode])
+        for variant in assignment.variants
+        for episode, outcome in enumerate(outcomes[variant.name])
+    ]
+    trace = {"posterior": _worst_run, "action": _worst_path}[assignment.answer]
+    return trace(assignment, candidates, secret)
+
+
+def _worst_run(assignment, candidates, secret):
+    """Of an estimator, and of runs with one truth."""
+
+    def rank(candidate):
+        variant, _, outcome, reference = candidate
         metric = variant.criteria[0].metric
-        for episode, outcome in enumerate(outcomes[variant.name]):
-            reference = references[variant.name][episode]
-            if not outcome.frames or recorded_run(assignment, variant, episode, secret).truth.ndim > 2:
-                continue
-            # Finished episodes come first: a picture that ends early shows less.
-            ratio = np.mean(outcome.metrics[metric]) / reference.values[metric]
-            candidates.append((outcome.status == "ok", float(ratio), variant, episode, metric))
-    if not candidates:
+        # Finished episodes come first: a picture that ends early shows less.
+        return outcome.status == "ok", np.mean(outcome.metrics[metric]) / reference.values[metric]
+
+    def single(variant, episode):
+        return recorded_run(assignment, variant, episode, secret).truth.ndim == 2
+
+    drawable = [each for each in candidates if each[2].frames and single(*each[:2])]
+    if not drawable:
         return None
-    *_, variant, episode, metric = max(candidates, key=lambda candidate: candidate[:2])
-    outcome, reference = outcomes[variant.name][episode], references[variant.name][episode]
-    truth = recorded_run(assignment, variant, episode, secret).truth
+    variant, episode, outcome, reference = max(drawable, key=rank)
+    metric, truth = variant.criteria[0].metric, recorded_run(assignment, variant, episode, secret).truth
     return Trace(
         variant=variant.name,
         episode=episode,
@@ -272,4 +286,32 @@ def _worst(assignment, outcomes, references, secret):
         truth=[truth[:, list(columns)].round(3).tolist() for columns in assignment.positions],
         frames=outcome.frames,
         picture=assignment.picture(variant),
+    )
+
+
+def _worst_path(assignment, candidates, secret):
+    """Of a planner."""
+
+    def rank(candidate):
+        variant, _, outcome, reference = candidate
+        if outcome.status == "ok":
+            metric = variant.criteria[0].metric
+            return False, outcome.values[metric] / reference.values[metric]
+        # A failure comes first, and of failures the one that was farthest under way: where it hit what, one sees.
+        return True, len(outcome.path)
+
+    drawable = [each for each in candidates if len(each[2].path) > 1]
+    if not drawable:
+        return None
+    variant, episode, outcome, reference = max(drawable, key=rank)
+    picture = assignment.picture(simulated(assignment, variant, episode, secret))
+    return Trace(
+        variant=variant.name,
+        episode=episode,
+        metric=DISTANCE,
+        error=outcome.distances,
+        reference_error=reference.distances,
+        truth=[outcome.path, reference.path],
+        frames=[{"step": step, "particles": []} for step in range(max(len(outcome.path), len(reference.path)))],
+        picture=picture | {"targets": ["submission", "reference"]},
     )

@@ -16,12 +16,14 @@ class Episode:
     ----------
     index : int
     status : str
-        "ok", or why it earned nothing: "crashed", "timeout", "invalid posterior", "flooded", "exited", "memory", or
-        "sandbox" when it broke what it ran in.
+        "ok", or why it earned nothing: "crashed", "timeout", "invalid posterior", "invalid action", "flooded",
+        "exited", "memory", "disk", or "sandbox" when it broke what it ran in; of a planner also what its world calls
+        it, such as "collided" or "not arrived".
     message : str
         One line for the student; empty when all went well.
     values, reference : dict of str to float
-        Metric means over the run, of the submission (empty unless ok) and of the reference on the same run.
+        Metrics of the run, an estimator's as means over it, of the submission (empty unless ok) and of the reference in
+        the same run.
     """
 
     index: int
@@ -117,15 +119,16 @@ class Trace:
     variant : str
     episode : int
     metric : str
-        The metric that `error` and `reference_error` hold.
+        What `error` and `reference_error` hold: a metric, or the planner's distance to its goal.
     error, reference_error : list of float
-        Per time step; `error` ends where the submission did.
+        Per time step; either ends where its program did.
     truth : list
-        [target][step] -> [x, y].
+        [target][step] -> [x, y]. Of a planner the paths of the submission and of the reference.
     frames : list of dict
-        {"step": int, "particles": [target][particle] -> [x, y]}, a thinned cloud every few steps.
+        {"step": int, "particles": [target][particle] -> [x, y]}, a thinned cloud every few steps; of a planner without
+        clouds.
     picture : dict
-        What a drawing of the world needs, from `Assignment.picture`.
+        What a drawing of the world needs, from `Assignment.picture`; a planner's "targets" are whose paths they are.
     """
 
     variant: str
@@ -154,6 +157,7 @@ class Result:
     points, max_points : float
     variants : list of VariantResult
     speed : SpeedResult or None
+        None when the assignment has none, or when nothing could be timed.
     trace : Trace or None
     environment : dict
         Versions, isolation, secret's fingerprint: what a repetition needs.

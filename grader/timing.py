@@ -222,7 +222,9 @@ def _pair(server, reference_server, assignment, secret, source, pair):
             reference.step(*inputs)
             times.append(time.monotonic())
             if k % LOOK_EVERY == 0:
-                looks.append(measured(assignment, as_particles(posterior, k, rng), run.truth[k], k, rng))
+                looks.append(
+                    measured(assignment, as_particles(posterior, assignment.angles, k, rng), run.truth[k], k, rng)
+                )
             student.cont()
             now = np.array([[student.cpu_seconds(), reference.cpu_seconds()], np.diff(times)])
             if k == WARM_UP:

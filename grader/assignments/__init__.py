@@ -10,10 +10,29 @@ def assignments():
     Returns
     -------
     dict of str to Assignment
-        From the `ASSIGNMENTS` of each module in this folder that has them.
+        From the `ASSIGNMENTS` of each module in this folder that has them and can be imported.
     """
-    found = {}
+    return load()[0]
+
+
+def load():
+    """Every assignment there is, and what is in the way of others.
+
+    One world that cannot be imported, for want of a library or for a fault in it, keeps nobody from grading another.
+    But it is not passed over in silence: commands show the lines, and a test fails.
+
+    Returns
+    -------
+    found : dict of str to Assignment
+    broken : list of str
+        One line for each module that cannot be imported.
+    """
+    found, broken = {}, []
     for module in pkgutil.iter_modules(__path__):
-        declared = getattr(importlib.import_module(f"{__name__}.{module.name}"), "ASSIGNMENTS", ())
-        found.update({assignment.name: assignment for assignment in declared})
-    return found
+        try:
+            declared = getattr(importlib.import_module(f"{__name__}.{module.name}"), "ASSIGNMENTS", ())
+        except Exception as error:
+            broken.append(f"the assignments of {module.name} cannot be loaded: {type(error).__name__}: {error}")
+        else:
+            found.update({assignment.name: assignment for assignment in declared})
+    return found, broken

@@ -68,6 +68,8 @@ def render(results, title, when, landmarks):
     environment.filters |= {"average": np.mean, "figure": overview.figure, "fingerprint": _fingerprint, "zip": zip}
     environment.globals |= {
         "calibrations": calibrations,
+        "ending": ending,
+        "extent": extent,
         "episode_ratios": episode_ratios,
         "failure_lines": failure_lines,
         "failures": overview.failures,
@@ -82,6 +84,7 @@ def render(results, title, when, landmarks):
         "curves": curves,
         "pack": pack,
     }
+    calibrated, timed = overview.measured(results)
     return environment.get_template("report.html").render(
         results=results,
         title=title,
@@ -92,6 +95,8 @@ def render(results, title, when, landmarks):
         bins=histogram(results),
         environment=overview.common_environment(results) or {},
         isolations=overview.isolations(results),
+        calibrated=calibrated,
+        timed=timed,
         coverage=COVERAGE,
         false_alarm=FALSE_ALARM,
     )
@@ -155,8 +160,23 @@ def failure_lines(variant):
 
 
 def start_frame(trace):
-    """Index of the frame to show first: the one where the error was largest."""
+    """Index of the frame to show first: where the error was largest, or where a planner's way ended."""
+    if not trace.frames[0]["particles"]:
+        return len(trace.error) - 1
     return max(range(len(trace.frames)), key=lambda i: trace.error[trace.frames[i]["step"]])
+
+
+def ending(result, trace):
+    """The line that says how the drawn episode failed, if it did: a list of one, or of none."""
+    drawn = [variant for variant in result.variants if variant.name == trace.variant]
+    episodes = [episode for variant in drawn for episode in variant.episodes if episode.index == trace.episode]
+    return [episode.message for episode in episodes if episode.message]
+
+
+def extent(room):
+    """Sides of a room."""
+    x0, y0, x1, y1 = room
+    return x1 - x0, y1 - y0
 
 
 def other_metrics(variant):
@@ -179,7 +199,7 @@ def curves(trace, width, height):
     dict
         "error" and "reference" paths, "top" the value at the box's upper edge, "clipped" whether errors go beyond it.
     """
-    steps = max(len(trace.reference_error) - 1, 1)
+    steps = max(len(trace.reference_error) - 1, len(trace.error) - 1, 1)
     highest, reference = max(trace.error, default=0.0), max(trace.reference_error, default=1.0)
     # A lost filter must not flatten the reference to a line.
     top = _round_up(min(max(highest, reference), 12.0 * reference))
@@ -208,6 +228,8 @@ def pack(trace):
     return {
         "room": trace.picture["room"],
         "sensors": trace.picture["sensors"],
+        "obstacles": trace.picture.get("obstacles", []),
+        "goal": trace.picture.get("goal"),
         "truth": trace.truth,
         "error": trace.error,
         "reference": trace.reference_error,

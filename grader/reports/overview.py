@@ -2,6 +2,8 @@
 
 import statistics
 
+from grader.result import COVERAGE
+
 
 def headline(results):
     """The variant whose criteria stand for the whole: the assignment's first; None when everything was refused."""
@@ -14,6 +16,13 @@ def worst_variant(result):
     return max(lossy, key=lambda variant: variant.max_points - variant.points, default=None)
 
 
+def measured(results):
+    """Whether these tell of calibration, and of CPU time: of planners they do not."""
+    episodes = [episode for result in results for variant in result.variants for episode in variant.episodes]
+    calibrated = any(COVERAGE in episode.reference or COVERAGE in episode.values for episode in episodes)
+    return calibrated, any(result.speed for result in results)
+
+
 def failures(result):
     """Episodes that were not finished, as (variant, episode)."""
     return [(variant, episode) for variant in result.variants for episode in variant.episodes if episode.status != "ok"]
@@ -23,7 +32,8 @@ def standing(result):
     """One word for a result: "refused", "failing" when something did not finish, or "ok"."""
     if result.status == "refused":
         return "refused"
-    timed = result.speed is not None and result.speed.status == "ok"
+    # Without a time something failed, or time earns nothing here.
+    timed = result.speed is None or result.speed.status == "ok"
     return "ok" if timed and not failures(result) else "failing"
 
 

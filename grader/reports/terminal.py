@@ -13,6 +13,7 @@ from grader.reports.overview import (
     headline,
     insecure,
     isolations,
+    measured,
     ratio,
     spread,
     standing,
@@ -41,6 +42,7 @@ def table(results):
         lost most; whether all went well. Below it, what went wrong.
     """
     first = headline(results)
+    calibrated, timed = measured(results)
     criteria = first.criteria if first else []
     rows = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, caption_justify="left", caption_style="")
     rows.add_column("submission", overflow="fold", max_width=26)
@@ -49,17 +51,19 @@ def table(results):
     for i, criterion in enumerate(criteria):
         words = [*criterion.metric.split(), "and / ref." if i == 0 else "/ ref."]
         rows.add_column(Text("\n".join(words)), justify="right", no_wrap=True)
-    if first:
+    if calibrated:
         rows.add_column("\n".join(COVERAGE.split(maxsplit=1)), justify="right", no_wrap=True)
+    if timed:
         rows.add_column("CPU\n/ ref.", justify="right", no_wrap=True)
+    if first:
         rows.add_column("lost most\nin", overflow="fold", min_width=13, max_width=13)
     rows.add_column("state", no_wrap=True)
     for result in results:
         cells = [one_line(result.submission), _points(result), str(result.episodes or "–")]
         if first:
             cells += _criteria(result, len(criteria))
-            cells.append(_coverage(result))
-            cells.append(ratio(result.speed.ratio if result.speed else None, 1.0))
+            cells += [_coverage(result)] * calibrated
+            cells += [ratio(result.speed.ratio if result.speed else None, 1.0)] * timed
             worst = worst_variant(result)
             cells.append(f"{worst.name} {worst.points - worst.max_points:+.1f}" if worst else "–")
         cells.append(_state(result))

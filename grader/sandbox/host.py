@@ -1,6 +1,6 @@
 """Outside: runs a program step by step in a worker, and trusts nothing that comes back.
 
-Deadlines, CPU time, the shape of a posterior and its values are all measured or checked in this process.
+Deadlines, CPU time, the shape of an answer and its values are all measured or checked in this process.
 """
 
 import json
@@ -16,8 +16,8 @@ from dataclasses import fields
 import numpy as np
 
 from grader.sandbox import wire
+from grader.sandbox.answer import AnswerError, check_action, check_posterior
 from grader.sandbox.channel import WATCH_SECONDS, Channel, Flooded, HungUp
-from grader.sandbox.posterior import PosteriorError, check
 from grader.sandbox.program import Escape, SandboxError, StudentError
 from grader.sandbox.zygote import remove
 
@@ -63,18 +63,19 @@ class Worker:
         """The beginning of what the program has printed."""
         return self._channel.printed.decode(errors="replace")
 
-    def step(self, observation, control):
-        """Send one step and return the posterior that comes back.
+    def step(self, *inputs):
+        """Send one step and return the answer that comes back.
 
         Parameters
         ----------
-        observation, control : array_like or None
-            Both None first: the prior is asked for.
+        *inputs : array_like or None
+            Two: an estimator's observation and control, both None first, when the prior is asked for; or a planner's
+            belief and state.
 
         Returns
         -------
-        Particles, Gaussian or list of these
-            Checked, and normalised here.
+        Particles, Gaussian or list of these; or ndarray
+            A posterior, checked, and normalised here; or an action, checked.
 
         Raises
         ------
@@ -87,21 +88,21 @@ class Worker:
         if self._channel.has_reply():
             # Whatever lies there answers nothing that was asked.
             self.close()
-            raise StudentError("invalid posterior", f"step {self._step}: an answer came before the step was sent")
-        inputs = [np.asarray(part, dtype=float) for part in (observation, control) if part is not None]
+            raise StudentError(self._invalid, f"step {self._step}: an answer came before the step was sent")
+        arrays = [np.asarray(part, dtype=float) for part in inputs if part is not None]
         # The answer must repeat the token, which nobody can know before the request is there.
         token = float(secrets.randbits(52))
-        buffers = wire.encode_arrays([[token, observation is not None, control is not None], *inputs])
+        buffers = wire.encode_arrays([[token, *(part is not None for part in inputs)], *arrays])
         seconds = min(self._limits.call, max(self._limits.episode - self._waited, 0.0))
         if self._step == 0:
             seconds = self._limits.first_call
             buffers = wire.encode_text(self._program.source or "") + buffers
         start = time.monotonic()
-        posterior = self._exchange(buffers, seconds, token)
+        answer = self._exchange(buffers, seconds, token)
         if self._step > 0:
             self._waited += time.monotonic() - start
         self._step += 1
-        return posterior
+        return answer
 
     def cpu_seconds(self):
         """CPU time the process has used since it was forked, its threads included; read from the kernel."""
@@ -172,6 +173,7 @@ class Worker:
         settings = {
             "entry_point": program.entry_point,
             "trusted": program.trusted,
+            "answer": program.answer,
             "constants": _describe(program.constants),
             "seed": program.seed,
             "limits": {name: getattr(self._limits, name) for name in ("memory_bytes", "disk_bytes", "threads")},
@@ -188,22 +190,24 @@ class Worker:
             raise SandboxError(f"the worker did not get ready: {answer}")
 
     def _exchange(self, buffers, seconds, token):
-        """Send a step and make of what happens a posterior or a StudentError."""
-        limits, step = self._limits, self._step
-        # A target's particles and their weights; several targets share the room.
-        caps = {
-            wire.ARRAYS: min(8 * limits.particles * (self._dimension + 1) + 4096, 2**32 - 1),
-            wire.TEXT: _TEXT_BYTES,
-        }
+        """Send a step and make of what happens an answer or a StudentError."""
+        program, limits, step = self._program, self._limits, self._step
+        # A target's particles and their weights; several targets share the room. An action of the wrong shape is to be
+        # told its shape.
+        most = limits.particles * (self._dimension + 1) if program.answer == "posterior" else 1000 + self._dimension
+        caps = {wire.ARRAYS: min(8 * most + 4096, 2**32 - 1), wire.TEXT: _TEXT_BYTES}
         try:
             kind, payload = self._channel.exchange(buffers, seconds, caps, self._watch)
             if time.monotonic() > self._looked + WATCH_SECONDS:
                 self._watch()
             if kind == wire.ARRAYS:
-                answered, posterior = wire.decode_posterior(wire.decode_arrays(payload))
+                decode = wire.decode_posterior if program.answer == "posterior" else wire.decode_action
+                answered, answer = decode(wire.decode_arrays(payload))
                 if answered != token:
                     raise wire.WireError("an answer to another step")
-                return check(posterior, self._dimension, limits.particles)
+                if program.answer == "posterior":
+                    return check_posterior(answer, self._dimension, limits.particles)
+                return check_action(answer, self._dimension)
             status, message = self._confession(wire.decode_text(payload))
         except TimeoutError:
             what = "loading the file and the first call" if step == 0 else "the call"
@@ -216,10 +220,10 @@ class Worker:
             status, message = "disk", f"step {step}: {error}"
         except HungUp:
             status, message = self._obituary()
-        except PosteriorError as error:
-            status, message = "invalid posterior", f"step {step}: {error}"
+        except AnswerError as error:
+            status, message = self._invalid, f"step {step}: {error}"
         except wire.WireError as error:
-            status, message = "invalid posterior", f"step {step}: expected a posterior, got {error}"
+            status, message = self._invalid, f"step {step}: expected {program.wanted}, got {error}"
         self.close()
         raise StudentError(status, message)
 
@@ -249,14 +253,20 @@ class Worker:
             "crashed": f"{name} crashed at step",
             "exited": f"{name} ended the process at step",
             "memory": f"{name} ran out of memory at step",
-            "invalid posterior": "step",
+            "invalid": "step",
         }
         status, _, message = text.partition("\n")
         if status not in openings:
             raise wire.WireError("a failure of unknown kind")
         printable = "".join(letter if letter.isprintable() else " " for letter in message)
         message = " ".join(printable.split())[:KEPT_CHARACTERS]
-        return status, f"{openings[status]} {self._step}: {message}"
+        line = f"{openings[status]} {self._step}: {message}"
+        return self._invalid if status == "invalid" else status, line
+
+    @property
+    def _invalid(self):
+        """The status of an answer that is none."""
+        return f"invalid {self._program.answer}"
 
     def _obituary(self):
         """Status and message of a process that hung up without a word."""
@@ -269,7 +279,10 @@ class Worker:
             return "exited", f"{name} closed its connection {where}: leave file descriptors alone"
         if code < 0:
             return "crashed", f"{name} was killed {where} by {signal.Signals(-code).name}"
-        return "exited", f"{name} ended the process {where} with exit status {code}: return a posterior instead"
+        return (
+            "exited",
+            f"{name} ended the process {where} with exit status {code}: return {self._program.wanted} instead",
+        )
 
 
 def _raise(error):

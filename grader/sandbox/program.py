@@ -61,6 +61,11 @@ class Program:
     trusted: str | None = None
     answer: str = "posterior"
 
+    @property
+    def wanted(self):
+        """What it must return, in words."""
+        return f"{'an' if self.answer[0] in 'aeiou' else 'a'} {self.answer}"
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -81,7 +86,7 @@ class Limits:
     files : int
     printed_bytes : int
     particles : int
-        Of each target.
+        Of each target in a posterior.
     threads : int
     """
 

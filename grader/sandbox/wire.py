@@ -215,6 +215,39 @@ def decode_posterior(arrays):
     return token, targets if several else targets[0]
 
 
+def encode_action(token, returned):
+    """The frame that answers a planner's step; parameters as in `encode_posterior`.
+
+    Raises
+    ------
+    TypeError
+        It is no array of numbers.
+    """
+    action = returned.posterior if isinstance(returned, Step) else returned
+    if action is None:
+        raise TypeError("expected an array of numbers, got None (is a return missing?)")
+    return encode_arrays([np.array([token]), _floats(action, "the action")])
+
+
+def decode_action(arrays):
+    """What `encode_action` put into a frame.
+
+    Returns
+    -------
+    token : float
+    action : ndarray
+        Of any shape and any values.
+
+    Raises
+    ------
+    WireError
+        It is not an action's frame.
+    """
+    if len(arrays) != 2 or arrays[0].shape != (1,):
+        raise WireError("a frame of another kind")
+    return float(arrays[0][0]), arrays[1]
+
+
 def _floats(value, what):
     array = np.asarray(value)
     if array.dtype.kind not in "fiub":

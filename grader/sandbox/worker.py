@@ -18,15 +18,16 @@ import types
 import numpy as np
 
 from grader.sandbox import confine, isolation, seccomp, wire
+from grader.sandbox.program import PARAMETERS
 
 FILE = "submission.py"
-PARAMETERS = ("previous", "observation", "control", "constants", "rng")
 
 #: After so many runs the interpreter rewrites a function's code no more.
 REHEARSALS = 20
 
 #: What the host may send is not the worker's to limit.
 _CAPS = {wire.TEXT: 2**32, wire.ARRAYS: 2**32}
+_ENCODE = {"posterior": wire.encode_posterior, "action": wire.encode_action}
 
 
 class ProgramError(Exception):
@@ -64,17 +65,17 @@ def serve(requests, replies, policy):
     _write(replies, wire.encode_text("ready"))
     try:
         # From here on the process is the student's.
-        estimator = load(settings, _read_text(requests))
+        entry_point = load(settings, _read_text(requests))
+        encode = _ENCODE[settings["answer"]]
         previous = None
         while True:
-            (token, with_observation, with_control), *arrays = _read_arrays(requests)
-            observation = arrays.pop(0).copy() if with_observation else None
-            control = arrays.pop(0).copy() if with_control else None
-            previous = estimator(previous, observation, control, constants, rng)
+            (token, *present), *arrays = _read_arrays(requests)
+            inputs = [arrays.pop(0).copy() if one else None for one in present]
+            previous = entry_point(previous, *inputs, constants, rng)
             try:
-                frame = wire.encode_posterior(token, previous)
+                frame = encode(token, previous)
             except Exception as error:
-                raise _NoPosterior(str(error)) from error
+                raise _NoAnswer(str(error)) from error
             _write(replies, frame)
     except BaseException as error:
         _write(replies, wire.encode_text("\n".join(explain(error))))
@@ -116,9 +117,12 @@ def rehearse():
 
 
 def build(module, name, fields):
-    """A dataclass from where it is defined and its fields; lists become tuples."""
-    values = {key: tuple(value) if isinstance(value, list) else value for key, value in fields.items()}
-    return getattr(importlib.import_module(module), name)(**values)
+    """A dataclass from where it is defined and its fields; lists, and lists in these, become tuples."""
+    return getattr(importlib.import_module(module), name)(**{key: _tuples(value) for key, value in fields.items()})
+
+
+def _tuples(value):
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
 def load(settings, source):
@@ -144,7 +148,8 @@ def load(settings, source):
     sys.argv = [FILE]
     exec(compile(source, FILE, "exec", dont_inherit=True), module.__dict__)
     function = getattr(module, name, None)
-    expected = f"def {name}({', '.join(PARAMETERS)})"
+    parameters = PARAMETERS[settings["answer"]]
+    expected = f"def {name}({', '.join(parameters)})"
     if not callable(function):
         raise ProgramError(f"the file defines no function {name}: write {expected}")
     try:
@@ -152,13 +157,13 @@ def load(settings, source):
     except (TypeError, ValueError):
         return function
     try:
-        signature.bind(*PARAMETERS)
+        signature.bind(*parameters)
     except TypeError as error:
         raise ProgramError(f"expected {expected}, got def {name}{signature}") from error
     return function
 
 
-class _NoPosterior(Exception):
+class _NoAnswer(Exception):
     pass
 
 
@@ -168,8 +173,8 @@ def explain(error):
         text = str(error)
     except Exception:
         text = ""
-    if isinstance(error, _NoPosterior):
-        return "invalid posterior", text
+    if isinstance(error, _NoAnswer):
+        return "invalid", text
     if isinstance(error, ProgramError):
         return "crashed", text
     what = f"{type(error).__name__}: {text}" if text else type(error).__name__

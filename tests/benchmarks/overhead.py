@@ -20,7 +20,7 @@ from rich.table import Table
 
 from course_lib.recording import Run, replay
 from course_lib.vacuum.constants import Constants
-from grader.assignment import PUBLIC_SECRET, Assignment, Criterion, Speed, Variant
+from grader.assignment import PUBLIC_SECRET, Criterion, EstimatorAssignment, Speed, Variant
 from grader.assignments import assignments
 from grader.evaluate import Outcome, limits, program, recorded_run
 from grader.grade import grade, most_episodes, plan, reference_outcome
@@ -87,11 +87,10 @@ def _measure(particles, truth, rng):
     return {"error": float(np.abs(particles.states - truth).mean())}
 
 
-FIVE = Assignment(
+FIVE = EstimatorAssignment(
     name="five",
     title="A point that stands still",
     entry_point="Estimator",
-    parameters=("previous", "observation", "control", "constants", "rng"),
     reference="none: its outcomes are made up",
     simulate=_simulate,
     measure=_measure,
@@ -103,7 +102,6 @@ FIVE = Assignment(
     speed=Speed("still", steps=STEPS, points=0.0, full=2.0, none=4.0),
     withheld=(),
     deadline=5.0,
-    landmarks={},
 )
 
 

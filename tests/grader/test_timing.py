@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from course_lib.filters import equally_weighted
 from course_lib.recording import Run
-from grader.assignment import Assignment, Criterion, Speed, Variant
+from grader.assignment import Criterion, EstimatorAssignment, Speed, Variant
 from grader.evaluate import Outcome
 from grader.sandbox.program import Escape, SandboxError, StudentError
 from grader.timing import (
@@ -177,11 +177,10 @@ def measure(particles, truth, rng):
     return {"error": float(np.abs(particles.states - truth).mean())}
 
 
-STILL = Assignment(
+STILL = EstimatorAssignment(
     name="still",
     title="A point that stands still",
     entry_point="Estimator",
-    parameters=(),
     reference="nobody:imports",
     simulate=simulate,
     measure=measure,
@@ -193,7 +192,6 @@ STILL = Assignment(
     speed=replace(SPEED, steps=40),
     withheld=(),
     deadline=1.0,
-    landmarks={},
 )
 
 

@@ -42,7 +42,7 @@ def make(name="ana", points=70.0, message="", failing=False, **changes):
         reference_error=[0.1, 0.2, 0.3],
         truth=[[[0, 0], [1, 1], [2, 2]], [[5, 5], [4, 4], [3, 3]]],
         frames=[{"step": k, "particles": [[[k, 1.25], [4.0, 0.5]], [[3.0, 3.0]]]} for k in range(3)],
-        picture={"room": [5.0, 5.0], "sensors": [[0, 0, "S4"]], "targets": ["robot A", "robot B"], "unit": "m"},
+        picture={"room": [0.0, 0.0, 5.0, 5.0], "sensors": [[0, 0, "S4"]], "targets": ["robot A", "robot B"], "unit": "m"},
     )
     fields = {
         "submission": name,
@@ -68,6 +68,7 @@ def refuse(name="ben", message="defines no Estimator"):
     return Result(name, f"class/{name}.py", "", "vacuum", "refused", message, 0.0, 100.0, environment=ENVIRONMENT)
 
 
+UNTIMED = SpeedResult("crashed", "at step 3", None, None, [], 0.0, 10.0, 10.0, 60.0)
 LANDMARKS = {"error": ((0.4, "a filter of old"),)}
 
 
@@ -293,7 +294,7 @@ def test_writing_is_whole_or_not_at_all(tmp_path, monkeypatch):
 
 def test_overview():
     assert overview.standing(make()) == "ok"
-    assert overview.standing(make(failing=True)) == overview.standing(make(speed=None)) == "failing"
+    assert overview.standing(make(failing=True)) == overview.standing(make(speed=UNTIMED)) == "failing"
     assert overview.standing(refuse()) == "refused"
     assert overview.worst_variant(make(points=70.0)).name == "default"
     assert overview.worst_variant(make(points=90.0)).name == "silent"
@@ -315,7 +316,7 @@ def test_table_fits_110_columns_and_says_failures_in_words():
     results = [
         make("ana"),
         make("a" * 40, points=30.0, message="1 of 3 episodes failed: line 3: KeyError: 'x'", failing=True),
-        make("dora", speed=None),
+        make("dora", speed=UNTIMED),
         make("emil", failing=True),
         refuse("ben", "defines no Estimator"),
     ]

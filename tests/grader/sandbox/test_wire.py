@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 from course_lib.filters import Gaussian, Particles, Step
 from grader.sandbox import wire
-from grader.sandbox.posterior import PosteriorError, check
+from grader.sandbox.answer import AnswerError, check_posterior
 from tests.fuzzing import fuzz
 
 CAPS = {wire.ARRAYS: 1 << 20, wire.TEXT: 1 << 10}
@@ -79,8 +79,8 @@ def accepts_or_refuses(payload):
 def may_be_scored(posterior):
     """Refused, or finite and normalised."""
     try:
-        checked = check(posterior, DIMENSION, MOST)
-    except PosteriorError as error:
+        checked = check_posterior(posterior, DIMENSION, MOST)
+    except AnswerError as error:
         assert str(error).isprintable()
         return
     for target in checked if isinstance(checked, list) else [checked]:
@@ -158,7 +158,7 @@ def test_a_frame_with_bits_flipped_is_read_or_refused(sent, data):
 @pytest.mark.parametrize("offset", [0.0, 1e8, 1e17, -1e17, 1e308, -1e308])
 def test_weights_sum_to_one_whatever_their_offset(offset):
     """The logarithm of a sum is lost in a large offset: two weights of a half would be two of one."""
-    checked = check(Particles(np.ones((2, DIMENSION)), np.full(2, offset)), DIMENSION, MOST)
+    checked = check_posterior(Particles(np.ones((2, DIMENSION)), np.full(2, offset)), DIMENSION, MOST)
     np.testing.assert_allclose(checked.weights, 0.5, rtol=1e-12)
 
 
