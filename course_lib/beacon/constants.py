@@ -78,9 +78,9 @@ class Constants:
     sigma_a: float = 0.1
     sigma_r: float = 0.05
     sigma_beta: float = float(np.radians(1.0))
-    k: float = 0.0005
-    sigma_v: float = 0.3
-    sigma_w: float = 0.2
+    k: float = 0.0001
+    sigma_v: float = 0.2
+    sigma_w: float = 0.05
     start: tuple[float, float, float, float] = (0.0, 0.0, 2.0, 0.0)
     start_sigma: tuple[float, float, float, float, float] = (
         0.5,
