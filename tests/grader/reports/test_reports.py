@@ -42,7 +42,12 @@ def make(name="ana", points=70.0, message="", failing=False, **changes):
         reference_error=[0.1, 0.2, 0.3],
         truth=[[[0, 0], [1, 1], [2, 2]], [[5, 5], [4, 4], [3, 3]]],
         frames=[{"step": k, "particles": [[[k, 1.25], [4.0, 0.5]], [[3.0, 3.0]]]} for k in range(3)],
-        picture={"room": [0.0, 0.0, 5.0, 5.0], "sensors": [[0, 0, "S4"]], "targets": ["robot A", "robot B"], "unit": "m"},
+        picture={
+            "room": [0.0, 0.0, 5.0, 5.0],
+            "sensors": [[0, 0, "S4"]],
+            "targets": ["robot A", "robot B"],
+            "unit": "m",
+        },
     )
     fields = {
         "submission": name,

@@ -1,5 +1,7 @@
 """Frames: what goes in comes out, and garbage raises WireError and nothing else."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from hypothesis import example, given
@@ -8,7 +10,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 from course_lib.filters import Gaussian, Particles, Step
 from grader.sandbox import wire
-from grader.sandbox.answer import AnswerError, check_posterior
+from grader.sandbox.answer import AnswerError, check_action, check_posterior
 from tests.fuzzing import fuzz
 
 CAPS = {wire.ARRAYS: 1 << 20, wire.TEXT: 1 << 10}
@@ -56,6 +58,12 @@ def test_partial_writes_resume_where_they_stopped(count, lengths):
 DIMENSION, MOST = 2, 5
 
 
+class Act(NamedTuple):
+    """An action, told from an array that is a posterior."""
+
+    action: np.ndarray
+
+
 def accepts_or_refuses(payload):
     """Garbage is a list of arrays that are views of it, and a posterior that may be scored; or else it is refused."""
     try:
@@ -67,13 +75,24 @@ def accepts_or_refuses(payload):
     for array in result:
         assert array.dtype == np.float64 and array.ndim <= wire.MAX_DIMENSIONS
         assert not array.size or np.shares_memory(array, whole)
+    for decode, may_be_used in ((wire.decode_posterior, may_be_scored), (wire.decode_action, may_be_acted)):
+        try:
+            token, answer = decode(result)
+        except wire.WireError:
+            continue
+        assert isinstance(token, float)
+        with np.errstate(all="raise", under="ignore"):
+            may_be_used(answer)
+
+
+def may_be_acted(action):
+    """Refused, or as many finite numbers as there must be."""
     try:
-        token, posterior = wire.decode_posterior(result)
-    except wire.WireError:
-        return
-    assert isinstance(token, float)
-    with np.errstate(all="raise", under="ignore"):
-        may_be_scored(posterior)
+        checked = check_action(action, DIMENSION)
+    except AnswerError as error:
+        assert str(error).isprintable()
+    else:
+        assert checked.shape == (DIMENSION,) and np.isfinite(checked).all()
 
 
 def may_be_scored(posterior):
@@ -144,10 +163,22 @@ def test_posteriors_of_any_values_are_normalised_or_refused(posterior):
     accepts_or_refuses(joined(wire.encode_posterior(1.0, posterior)[1:]))
 
 
+actions = filled(DIMENSION) | float_arrays
+
+
 @many
-@given(st.lists(float_arrays, min_size=1, max_size=3) | likely, st.data())
+@given(actions)
+def test_actions_of_any_shape_and_values_are_what_a_world_takes_or_refused(action):
+    accepts_or_refuses(joined(wire.encode_action(1.0, action)[1:]))
+
+
+@many
+@given(st.lists(float_arrays, min_size=1, max_size=3) | likely | st.builds(Act, actions), st.data())
 def test_a_frame_with_bits_flipped_is_read_or_refused(sent, data):
-    frame = wire.encode_arrays(sent) if isinstance(sent, list) else wire.encode_posterior(1.0, sent)
+    if isinstance(sent, Act):
+        frame = wire.encode_action(1.0, sent.action)
+    else:
+        frame = wire.encode_arrays(sent) if isinstance(sent, list) else wire.encode_posterior(1.0, sent)
     payload = bytearray(joined(frame[1:]))
     for _ in range(data.draw(st.integers(1, 3))):
         payload[data.draw(st.integers(0, len(payload) - 1))] ^= 1 << data.draw(st.integers(0, 7))
@@ -203,6 +234,21 @@ def test_of_a_step_only_the_posterior_is_sent():
     states = np.ones((3, 2))
     _, received = wire.decode_posterior(decoded(wire.encode_posterior(1.0, Step(states, memory=object()))))
     same(received, states)
+
+
+@few
+@given(float_arrays, st.integers(0, 2**52), st.booleans())
+def test_an_action_comes_out_as_it_went_in(action, token, remembering):
+    sent = Step(action, memory=object()) if remembering else action
+    answered, received = wire.decode_action(decoded(wire.encode_action(float(token), sent)))
+    assert answered == token
+    same(received, action)
+
+
+@pytest.mark.parametrize("answer", [np.ones((3, 2)), Gaussian(np.zeros(2), np.eye(2)), [], [np.ones((1, 2))] * 2])
+def test_a_posterior_is_no_action(answer):
+    with pytest.raises(wire.WireError, match="a frame of another kind"):
+        wire.decode_action(decoded(wire.encode_posterior(1.0, answer)))
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.int64, np.uint8, bool, ">f8"])
