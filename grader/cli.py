@@ -9,10 +9,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 
 from grader import doctor as examination
 from grader import intake
@@ -107,13 +105,11 @@ def grade(
 def list_assignments():
     """List the assignments there are, and what each asks for."""
     found, broken = load()
-    rows = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for title in ("--assignment", "title", "a submission defines", "variants", "points"):
-        rows.add_column(title, no_wrap=title == "--assignment")
     for name, assignment in sorted(found.items()):
-        defines = f"{assignment.entry_point}({', '.join(assignment.parameters)})"
-        rows.add_row(name, assignment.title, defines, str(len(assignment.variants)), f"{assignment.points:g}")
-    console.print(rows)
+        asked = f"def {assignment.entry_point}({', '.join(assignment.parameters)})"
+        worth = f"{len(assignment.variants)} variants, {assignment.points:g} points"
+        lines = f"{name}\n    {assignment.title}\n    {asked}\n    {worth}"
+        console.print(lines, markup=False, highlight=False, soft_wrap=True)
     _warn(broken)
 
 

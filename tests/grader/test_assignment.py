@@ -2,6 +2,7 @@
 
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from course_lib.vacuum.constants import Constants, Hidden
+from grader import assignments as declarations
 from grader.assignment import PUBLIC_SECRET, Criterion, LogUniform, Uniform, Variant, episode_seed
-from grader.assignments import assignments
+from grader.assignments import assignments, load
 from grader.evaluate import program, recorded_run
 
 CRITERION = Criterion("error", points=10.0, full=1.5, none=3.0)
@@ -50,20 +52,49 @@ def test_seeds_have_128_bits():
     assert np.all(np.abs(shares - 0.5) < 6.0 * 0.5 / np.sqrt(2000))
 
 
+def test_every_world_can_be_imported():
+    assert load()[1] == []
+
+
+def test_a_world_that_cannot_be_imported_leaves_the_others(monkeypatch):
+    def fail(name):
+        raise SyntaxError("invalid syntax") if name.endswith("vacuum_exercises") else ImportError(f"no {name}")
+
+    names = [SimpleNamespace(name="vacuum_exercises"), SimpleNamespace(name="ruin")]
+    monkeypatch.setattr(declarations.pkgutil, "iter_modules", lambda path: names)
+    monkeypatch.setattr(declarations.importlib, "import_module", fail)
+    assert load() == (
+        {},
+        [
+            "the assignments of vacuum_exercises cannot be loaded: SyntaxError: invalid syntax",
+            "the assignments of ruin cannot be loaded: ImportError: no grader.assignments.ruin",
+        ],
+    )
+
+
 @pytest.mark.parametrize("assignment", assignments().values(), ids=lambda assignment: assignment.name)
 def test_declarations_are_sound(assignment):
     assert assignment.points == pytest.approx(100.0)
     names = [variant.name for variant in assignment.variants]
     assert len(set(names)) == len(names)
-    assert assignment.variant(assignment.speed.variant).episodes >= 1
-    # A noisy machine must not fail what is as fast as the reference.
-    assert assignment.speed.none > assignment.speed.full >= 2.0
+    if assignment.speed:
+        assert assignment.variant(assignment.speed.variant).episodes >= 1
+        # A noisy machine must not fail what is as fast as the reference.
+        assert assignment.speed.none > assignment.speed.full >= 2.0
     for variant in assignment.under(PUBLIC_SECRET).variants:
         assert variant.episodes >= 1 and not variant.ranges
-        run = assignment.simulate(variant, np.random.default_rng(0))
         for criterion in variant.criteria:
             assert criterion.none > criterion.full > 1.0
-            assert np.isfinite(run.controls).all()
+        simulated = assignment.simulate(variant, np.random.default_rng(0))
+        if assignment.answer == "posterior":
+            assert np.isfinite(simulated.controls).all()
+            drawing = assignment.picture(variant)
+        else:
+            belief, state = simulated.inputs()
+            assert np.isfinite(state).all() and not simulated.over
+            drawing = assignment.picture(simulated)
+        x0, y0, x1, y1 = drawing["room"]
+        assert x0 < x1 and y0 < y1 and drawing["unit"]
 
 
 # Streams
