@@ -44,7 +44,7 @@ def f(states, thrusts, dt, constants):
     ndarray, shape of `states`
         Angles are not wrapped: f is smooth.
     """
-    result = np.array(np.atleast_2d(states), dtype=float)
+    result = np.array(np.atleast_2d(states), dtype=float, order="C")
     inputs = np.empty((len(result), 4))
     inputs[:] = thrusts
     advance(result, inputs, dt, parameters(constants))
@@ -89,7 +89,9 @@ def fly_to(state, target, constants):
     ndarray, shape (4,)
         In N, between 0 and `u_max`.
     """
-    return controlled(np.asarray(state, dtype=float), np.asarray(target, dtype=float), parameters(constants))
+    return controlled(
+        np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(target, dtype=float), parameters(constants)
+    )
 
 
 @njit("void(float64[::1], float64[::1], float64[::1], float64[::1])", cache=True)
