@@ -234,10 +234,12 @@ def as_particles(posterior, angles, k, rng):
 
 def _draws(gaussian, angles, rng):
     with np.errstate(over="ignore", invalid="ignore"):
-        variances, axes = np.linalg.eigh(gaussian.covariance)
+        # Scaled to at most one, no entry can overflow.
+        scale = np.abs(gaussian.covariance).max() or 1.0
+        variances, axes = np.linalg.eigh(gaussian.covariance / scale)
         normals = rng.standard_normal((GAUSSIAN_DRAWS // 2, len(variances)))
         # The symmetric root: where covariances differ little, draws by the same normals do.
-        deviations = normals @ (axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T)
+        deviations = normals @ (np.sqrt(scale) * axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T)
         states = np.concatenate([gaussian.mean + deviations, gaussian.mean - deviations])
         states[:, angles] = wrap(states[:, angles])
     return states
