@@ -79,7 +79,7 @@ def reference_outcome(reference_server, assignment, variant, episode, secret):
     if outcome.status != "ok":
         raise RuntimeError(
             f"the reference of assignment {assignment.name} failed in variant {variant.name}, "
-            f"episode {episode}: {outcome.message}"
+            f"episode {episode}: {outcome.message}; with another --secret it may not, but report this"
         )
     return replace(outcome, frames=[])
 

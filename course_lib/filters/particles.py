@@ -43,11 +43,12 @@ class Gaussian(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What an `Estimator` returns when it wants more back on its next call than the posterior.
+    """What an `Estimator` returns, or a `Planner`, when it wants more back on its next call than the posterior.
 
     Attributes
     ----------
     posterior : Particles, ndarray, Gaussian or list of these
+        A planner's action is in its place.
     memory : object
         Anything; the next call finds it in `previous.memory`.
     """
