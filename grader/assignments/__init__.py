@@ -1,7 +1,13 @@
-"""One module per world declares its assignments: adding one touches that file alone."""
+"""One module per world declares its assignments: adding one touches that file alone.
+
+Beside it, modules whose names end in `_exercises` and `_checks` hold what a world's notebook asks.
+"""
 
 import importlib
 import pkgutil
+
+#: Endings of modules that are a notebook's: they declare nothing, and take long to import.
+_OF_NOTEBOOKS = ("_exercises", "_checks")
 
 
 def assignments():
@@ -29,6 +35,8 @@ def load():
     """
     found, broken = {}, []
     for module in pkgutil.iter_modules(__path__):
+        if module.name.endswith(_OF_NOTEBOOKS):
+            continue
         try:
             declared = getattr(importlib.import_module(f"{__name__}.{module.name}"), "ASSIGNMENTS", ())
         except Exception as error:

@@ -58,15 +58,15 @@ def test_every_world_can_be_imported():
 
 def test_a_world_that_cannot_be_imported_leaves_the_others(monkeypatch):
     def fail(name):
-        raise SyntaxError("invalid syntax") if name.endswith("vacuum_exercises") else ImportError(f"no {name}")
+        raise SyntaxError("invalid syntax") if name.endswith("collapsed") else ImportError(f"no {name}")
 
-    names = [SimpleNamespace(name="vacuum_exercises"), SimpleNamespace(name="ruin")]
+    names = [SimpleNamespace(name="collapsed"), SimpleNamespace(name="ruin")]
     monkeypatch.setattr(declarations.pkgutil, "iter_modules", lambda path: names)
     monkeypatch.setattr(declarations.importlib, "import_module", fail)
     assert load() == (
         {},
         [
-            "the assignments of vacuum_exercises cannot be loaded: SyntaxError: invalid syntax",
+            "the assignments of collapsed cannot be loaded: SyntaxError: invalid syntax",
             "the assignments of ruin cannot be loaded: ImportError: no grader.assignments.ruin",
         ],
     )
