@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from course_lib.angles import wrap
+from course_lib.recording.run import Run
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,3 +78,56 @@ class GroundRecording:
         )
         poses[:, 2] = wrap(poses[:, 2])
         return poses
+
+    def integrated(self, column, times, delay=0.0):
+        """Integral of an odometry reading from its first on.
+
+        Parameters
+        ----------
+        column : int
+            0 for the velocity, 1 for the yaw rate.
+        times : ndarray, shape (N,)
+            Seconds.
+        delay : float
+            How long after a reading's time it begins to hold (s).
+
+        Returns
+        -------
+        ndarray, shape (N,)
+            In metres or radians; constant outside the recorded times.
+        """
+        total = np.cumsum(self.odometry[:-1, column] * np.diff(self.odometry_times))
+        return np.interp(times, self.odometry_times + delay, np.concatenate([[0.0], total]))
+
+    def steps(self, delay=0.0, longest=0.2):
+        """The recording as a run, while both odometry and truth last: a step ends at each sighting, or sooner.
+
+        Parameters
+        ----------
+        delay : float
+            How long after a reading's time the robot follows it (s).
+        longest : float
+            Steps also end at multiples of this time (s) after the start, so that none is longer.
+
+        Returns
+        -------
+        times : ndarray, shape (T + 1,)
+            Seconds; of the run's states.
+        run : Run
+            Truth: x, y, θ as `truth_at` interpolates them. Controls: mean forward velocity, mean yaw rate and duration
+            of the step. Observations: the range to each of the L landmarks, then the bearing to each. Sightings of the
+            first instant are left out; of two of one landmark at one time the last is taken.
+        """
+        begin = max(self.odometry_times[0] + delay, self.truth_times[0])
+        end = min(self.odometry_times[-1], self.truth_times[-1])
+        within = (begin < self.sighting_times) & (self.sighting_times <= end)
+        sighting_times, sighted = self.sighting_times[within], self.sighted[within]
+        times = np.union1d(np.arange(begin, end, longest), sighting_times)
+        durations = np.diff(times)
+        means = [np.diff(self.integrated(column, times, delay)) / durations for column in (0, 1)]
+        count = len(self.landmarks)
+        observations = np.full((len(durations), 2 * count), np.inf)
+        step = np.searchsorted(times, sighting_times) - 1
+        observations[step, sighted] = self.ranges[within]
+        observations[step, count + sighted] = self.bearings[within]
+        return times, Run(self.truth_at(times), observations, np.column_stack([*means, durations]))

@@ -31,7 +31,7 @@ def data_folder(folder, needed, source):
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise RecordingError(f"there is no folder {folder}: unpack {source} and name the folder it is in")
+        raise RecordingError(f"there is no folder {folder}: get {source} and name the folder it is in")
     if missing := [name for name in needed if not (folder / name).is_file()]:
         raise RecordingError(f"{folder} lacks {', '.join(missing)}: copy it from {source}")
     return folder
@@ -98,7 +98,8 @@ def to_table(path, lines, columns):
     table = np.array(rows)
     bad = ~np.isfinite(table).all(axis=1)
     if bad.any():
-        raise RecordingError(f"{path}, line {lines[np.argmax(bad)][0]}: a number is not finite: mend or delete the line")
+        number = lines[np.argmax(bad)][0]
+        raise RecordingError(f"{path}, line {number}: a number is not finite: mend or delete the line")
     back = np.diff(table[:, 0]) < 0.0
     if columns[0] == "time" and back.any():
         number = lines[np.argmax(back) + 1][0]

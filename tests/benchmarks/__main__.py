@@ -1,11 +1,12 @@
 """`make bench`: every benchmark, or those named: `python -m tests.benchmarks speed optimality --runs 2`."""
 
 import argparse
+import os
 import sys
 
 from rich.console import Console
 
-from tests.benchmarks import accuracy, drawn, overhead, sequential, speed, timing
+from tests.benchmarks import accuracy, drawn, overhead, recorded, sequential, speed, timing
 
 #: Benchmark and the number of runs it takes.
 BENCHMARKS = {
@@ -17,6 +18,7 @@ BENCHMARKS = {
     "timing": (timing.timing, 100),
     "overhead": (overhead.overhead, 50),
     "sequential": (sequential.sequential, 2000),
+    "recorded": (recorded.recorded, 5),
 }
 
 
@@ -25,11 +27,14 @@ def main():
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description="Accuracy and speed.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"any of {', '.join(BENCHMARKS)}; all when left out")
     parser.add_argument("--runs", type=int, help="recorded runs per benchmark (at least 2), in place of its own number")
+    parser.add_argument("--data", metavar="FOLDER", help="recordings of real robots; COURSE_DATA when left out")
     arguments = parser.parse_args()
     if unknown := set(arguments.names) - set(BENCHMARKS):
         parser.error(f"no benchmark called {', '.join(sorted(unknown))}: choose from {', '.join(BENCHMARKS)}")
     if arguments.runs is not None and arguments.runs < 2:
         parser.error("--runs must be at least 2: one run has no standard deviation")
+    if arguments.data:
+        os.environ["COURSE_DATA"] = arguments.data
     # Piped into a file, there is no width to ask for.
     console = Console(width=None if sys.stdout.isatty() else 110)
     for name in arguments.names or BENCHMARKS:
