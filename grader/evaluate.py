@@ -36,6 +36,8 @@ class Outcome:
         As in `grader.result.Trace`; of estimators.
     path, distances : list
         The planner's [x, y] and its distance to the goal at times 0, 1, ..., as far as it came.
+    draw : int
+        Which draw of the episode this was, as `simulated` takes it.
     """
 
     status: str
@@ -44,6 +46,7 @@ class Outcome:
     frames: list[dict] = field(default_factory=list)
     path: list[list[float]] = field(default_factory=list)
     distances: list[float] = field(default_factory=list)
+    draw: int = 0
 
     @property
     def values(self):
@@ -76,11 +79,15 @@ def recorded_run(assignment, variant, episode, secret):
     return simulated(assignment, variant, episode, secret)
 
 
-def simulated(assignment, variant, episode, secret):
-    """As `recorded_run`; of a PlannerAssignment a world at its start, which is nobody else's."""
+def simulated(assignment, variant, episode, secret, draw=0):
+    """As `recorded_run`; of a PlannerAssignment a world at its start, which is nobody else's.
+
+    Of a scene that the reference cannot master (`grade.reference_outcome`), the class meets another `draw`.
+    """
     if variant.ranges:
         raise ValueError(f"variant {variant.name} has ranges, not numbers: take it from assignment.under(secret)")
-    seed = episode_seed(secret, assignment.name, variant.name, episode, "world")
+    purpose = f"world, draw {draw}" if draw else "world"
+    seed = episode_seed(secret, assignment.name, variant.name, episode, purpose)
     return assignment.simulate(variant, np.random.default_rng(seed))
 
 
@@ -123,7 +130,7 @@ def limits(assignment):
     return Limits(call=assignment.deadline, first_call=assignment.first_call)
 
 
-def evaluate(server, assignment, variant, episode, secret, source=None):
+def evaluate(server, assignment, variant, episode, secret, source=None, draw=0):
     """Run one episode.
 
     Parameters
@@ -136,6 +143,8 @@ def evaluate(server, assignment, variant, episode, secret, source=None):
     secret : bytes
     source : str, optional
         The submission's source; the reference runs when it is left out.
+    draw : int
+        Of a planner's world: as in `simulated`.
 
     Returns
     -------
@@ -148,10 +157,11 @@ def evaluate(server, assignment, variant, episode, secret, source=None):
         The sandbox broke under the reference: it does not work at all. When it breaks twice under a submission, that
         submission broke it.
     """
-    run = {"posterior": _replay, "action": _steer}[assignment.answer]
     for _ in range(2):
         try:
-            return run(server, assignment, variant, episode, secret, source)
+            if assignment.answer == "action":
+                return _steer(server, assignment, variant, episode, secret, source, draw)
+            return _replay(server, assignment, variant, episode, secret, source)
         except SandboxError as error:
             if source is None:
                 raise
@@ -183,8 +193,8 @@ def _replay(server, assignment, variant, episode, secret, source):
     return Outcome(status, message, metrics, frames)
 
 
-def _steer(server, assignment, variant, episode, secret, source):
-    world = simulated(assignment, variant, episode, secret)
+def _steer(server, assignment, variant, episode, secret, source, draw):
+    world = simulated(assignment, variant, episode, secret, draw)
     path, distances, metrics = [], [], {}
 
     def look():
@@ -203,7 +213,7 @@ def _steer(server, assignment, variant, episode, secret, source):
             metrics = {name: np.array([value]) for name, value in achieved(world).items()}
     except StudentError as error:
         status, message = error.status, error.message
-    return Outcome(status, message, metrics, path=path, distances=distances)
+    return Outcome(status, message, metrics, path=path, distances=distances, draw=draw)
 
 
 def achieved(world):

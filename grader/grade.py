@@ -25,6 +25,8 @@ ROUNDS = 2
 #: Why episodes ended.
 NARROW, CAPPED, IMPATIENT = "the interval is narrow enough", "the cap is reached", "patience is lost"
 
+#: Scenes that are drawn for an episode of a planner, at most: the class meets the first that the reference masters.
+DRAWS = 5
 #: What is drawn of a planner over time.
 DISTANCE = "distance to the goal"
 
@@ -57,6 +59,9 @@ def plan(assignment, cap):
 def reference_outcome(reference_server, assignment, variant, episode, secret):
     """The reference's outcome in an episode, against which the class is graded.
 
+    A planner's reference may fail in a scene, because of gusts or because nothing leads through it: then another scene
+    is drawn, for the whole class.
+
     Parameters
     ----------
     reference_server : grader.sandbox.server.Server
@@ -68,20 +73,21 @@ def reference_outcome(reference_server, assignment, variant, episode, secret):
     Returns
     -------
     Outcome
-        Without clouds: nobody looks at the reference's.
+        Without clouds: nobody looks at the reference's. Its `draw` is the class's.
 
     Raises
     ------
     RuntimeError
         The reference failed: no grade could be defended.
     """
-    outcome = evaluate(reference_server, assignment, variant, episode, secret)
-    if outcome.status != "ok":
-        raise RuntimeError(
-            f"the reference of assignment {assignment.name} failed in variant {variant.name}, "
-            f"episode {episode}: {outcome.message}; with another --secret it may not, but report this"
-        )
-    return replace(outcome, frames=[])
+    for draw in range(DRAWS if assignment.answer == "action" else 1):
+        outcome = evaluate(reference_server, assignment, variant, episode, secret, draw=draw)
+        if outcome.status == "ok":
+            return replace(outcome, frames=[])
+    raise RuntimeError(
+        f"the reference of assignment {assignment.name} failed in variant {variant.name}, "
+        f"episode {episode}: {outcome.message}; with another --secret it may not, but report this"
+    )
 
 
 def grade(submission, assignment, server, reference_server, references, secret, timing_turn, width=WIDTH):
@@ -186,9 +192,10 @@ def _run(submission, assignment, server, references, secret, width):
     first = soonest(width / most)
     low, high = 0.0, most
     for number, (variant, episode) in enumerate(episodes, 1):
-        outcome = evaluate(server, assignment, variant, episode, secret, submission.source)
+        reference = references[variant.name][episode]
+        outcome = evaluate(server, assignment, variant, episode, secret, submission.source, reference.draw)
         outcomes[variant.name].append(outcome)
-        shares.append(_share(variant, outcome, references[variant.name][episode]))
+        shares.append(_share(variant, outcome, reference))
         costly += outcome.status in ("timeout", "sandbox")
         if costly == PATIENCE:
             _give_up(assignment, outcomes, episodes, number)
@@ -304,7 +311,7 @@ def _worst_path(assignment, candidates, secret):
     if not drawable:
         return None
     variant, episode, outcome, reference = max(drawable, key=rank)
-    picture = assignment.picture(simulated(assignment, variant, episode, secret))
+    picture = assignment.picture(simulated(assignment, variant, episode, secret, reference.draw))
     return Trace(
         variant=variant.name,
         episode=episode,

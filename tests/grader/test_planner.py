@@ -19,7 +19,7 @@ from grader.result import Result
 from grader.sandbox.program import Limits, Program, StudentError
 from grader.sandbox.server import Server
 from grader.submission import Submission
-from tests.grader.toy import ROOT, TOY, Hidden, Scene, on_the_path
+from tests.grader.toy import ROOT, TOY, Hidden, Scene, World, on_the_path
 from tests.tiers import need
 
 SECRET = b"a secret of the tests of planners"
@@ -296,6 +296,20 @@ def test_a_reference_that_does_not_arrive_stops_the_grading(servers):
     hopeless = Variant("default", "", Scene(), Hidden(steps=3), 1, (Criterion("time", 1.0, 1.5, 2.0),))
     with pytest.raises(RuntimeError, match="variant default, episode 0: step 3 .*time is up"):
         reference_outcome(servers[1], ASSIGNMENT, hopeless, 0, SECRET)
+
+
+def test_a_scene_the_reference_cannot_master_is_drawn_again_and_the_class_meets_the_new_one(servers):
+    def simulate(variant, rng):
+        soon = rng.random() < 0.6
+        return World(variant.constants, Hidden(steps=3 if soon else 120), rng)
+
+    moody = replace(ASSIGNMENT, name="moody", simulate=simulate, variants=ASSIGNMENT.variants[:1])
+    [variant] = moody.variants
+    references = {variant.name: [reference_outcome(servers[1], moody, variant, e, SECRET) for e in range(4)]}
+    draws = [outcome.draw for outcome in references[variant.name]]
+    assert 0 in draws and max(draws) > 0
+    result = grade(Submission("ana", "ana.py", GOOD), moody, *servers, references, SECRET, contextlib.nullcontext())
+    assert [episode.status for episode in result.variants[0].episodes] == ["ok"] * 4
 
 
 # What is shown
