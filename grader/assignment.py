@@ -190,6 +190,8 @@ class Assignment:
     variants : tuple of Variant
     withheld : tuple of str
         Modules a submission may not import: they hold the answer.
+    given : tuple of str
+        Modules a submission is meant to import: fork servers have them, and it does not wait for them in each episode.
     deadline, first_call : float
         Wall seconds that one call may take before the worker is stopped, and that loading the file and the first call
         may take together.
@@ -211,6 +213,7 @@ class Assignment:
     withheld: tuple[str, ...]
     deadline: float
     first_call: float = 60.0
+    given: tuple[str, ...] = ()
     speed: Speed | None = None
     landmarks: dict[str, tuple[tuple[float, str], ...]] = field(default_factory=dict)
 

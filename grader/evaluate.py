@@ -122,7 +122,7 @@ def preload(assignment):
     given = assignment.variants[0].constants
     if assignment.answer == "action":
         given = assignment.simulate(assignment.variants[0], np.random.default_rng(0)).constants
-    return (type(given).__module__,)
+    return (type(given).__module__, *assignment.given)
 
 
 def limits(assignment):
