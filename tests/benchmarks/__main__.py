@@ -6,7 +6,7 @@ import sys
 
 from rich.console import Console
 
-from tests.benchmarks import accuracy, drawn, overhead, recorded, sequential, speed, timing
+from tests.benchmarks import accuracy, beacon_speed, drawn, overhead, recorded, sequential, speed, timing
 
 #: Benchmark and the number of runs it takes.
 BENCHMARKS = {
@@ -19,6 +19,7 @@ BENCHMARKS = {
     "overhead": (overhead.overhead, 50),
     "sequential": (sequential.sequential, 2000),
     "recorded": (recorded.recorded, 5),
+    "beacon-speed": (beacon_speed.beacon_speed, 3),
 }
 
 
