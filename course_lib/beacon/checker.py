@@ -1,7 +1,7 @@
 """The independent checker of plans: an integrator and a geometry of its own, at a much finer step.
 
-It shares no code with the planners nor with `quadrotor`: attitude is a rotation matrix here, the equations are Newton's and
-Euler's with vectors, steps are a millisecond, and distances are shapely's, from a point to a polygon in the plan view.
+It shares no code with the planners nor with `quadrotor`: attitude is a rotation matrix here, the equations are Newton's
+and Euler's with vectors, steps are a millisecond, and distances are shapely's, from point to polygon in the plan view.
 """
 
 from typing import NamedTuple

@@ -1,7 +1,7 @@
 """Does an edge collide? The source's check, and one that misses nothing.
 
-An edge is X(t) = f(X_n, U, t), 0 ≤ t ≤ Δt, with constant inputs. Both checks are here twice: for any path, a function of
-time, and as compiled kernels for the quadrotor.
+An edge is X(t) = f(X_n, U, t), 0 ≤ t ≤ Δt, with constant inputs. Both checks are here twice: for any path, a function
+of time, and as compiled kernels for the quadrotor.
 """
 
 import numpy as np
@@ -53,10 +53,10 @@ def march_by_chord(path, duration, distance, d_min):
 
 
 def march_by_speed(path, duration, distance, radius, speed, acceleration=0.0):
-    """Conservative advancement: no step is longer than the vehicle needs, at its fastest, to reach the closest obstacle.
+    """Conservative advancement: no step is longer than what the vehicle needs, at its fastest, to reach an obstacle.
 
-    In a time t the vehicle gets no farther than s(t) = v t + a t² / 2. While s(t) is at most d less the vehicle's radius,
-    it touches nothing.
+    In a time t the vehicle gets no farther than s(t) = v t + a t² / 2. While s(t) is at most d less the vehicle's
+    radius, it touches nothing.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ class Scene(Constants):
     """
 
     obstacles: tuple[tuple[float, ...], ...] = ()
-    goal: tuple[float, float, float] = (4.0, 0.0, 2.0)
+    goal: tuple[float, float, float] = (2.0, 0.0, 2.0)
     goal_radius: float = 0.3
     radius: float = 0.25
     limit: float = 30.0

@@ -80,7 +80,7 @@ def Planner(previous, belief, state, constants, rng):
 
 
 def margin_for(constants):
-    """What to leave beside the vehicle, in metres: `SIGMAS` standard deviations of its place when it hovers in gusts."""
+    """What to leave beside the vehicle, in metres: `SIGMAS` deviations of its place when it hovers in gusts."""
     u = quadrotor.hover(constants)
     A, B = quadrotor.jacobians(constants.start_state, u, constants.Ts, constants)
     Q, R = _costs()

@@ -1,14 +1,14 @@
 """The planner: a tree of flights steered by the controller, then the shortest of several routes made shorter.
 
 It differs from the source's (`beacon.rrt`) in four things: an edge is flown by the stabilising controller towards a
-sampled point, now and then the goal, instead of by random inputs, so that 12 states become 3 to search; the node to expand is
-judged by where it drifts and how often it failed; the collision check misses nothing; and the route is shortened.
+sampled point, now and then the goal, instead of by random inputs, so that 12 states become 3 to search; the node to
+expand is judged by where it drifts and how often it failed; the collision check misses nothing; the route is shortened.
 
 References
 ----------
 S. LaValle, J. Kuffner, *Randomized kinodynamic planning*, IJRR 20 (2001).
-P. Cheng, S. LaValle, *Reducing metric sensitivity in randomized trajectory design*, IROS 2001: nodes that failed count as
-farther away.
+P. Cheng, S. LaValle, *Reducing metric sensitivity in randomized trajectory design*, IROS 2001: nodes that failed count
+as farther away.
 """
 
 from typing import NamedTuple

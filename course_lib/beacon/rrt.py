@@ -1,13 +1,13 @@
 """The source's kinodynamic RRT (question 4): the baseline.
 
-An edge: a random duration in [0.1, 0.5] s, random inputs between u_min and u_max, X = f(X_n, U, Δt), kept unless the march
-along the chord finds a collision. What the source leaves open is filled in as plainly as can be:
+An edge: a random duration in [0.1, 0.5] s, random inputs between u_min and u_max, X = f(X_n, U, Δt), kept unless the
+march along the chord finds a collision. What the source leaves open is filled in as plainly as can be:
 
 * the node to expand is the one nearest to a point drawn uniformly in the room, by the distance of positions;
 * a node in the goal's ball ends the search;
 * d_min is the vehicle's radius;
-* a node whose tilt or rates leave `TILT` and `SPIN` is dropped: beyond them the integrator's steps are too long, and at a
-  quarter of a turn the angles are singular.
+* a node whose tilt or rates leave `TILT` and `SPIN` is dropped: beyond them the integrator's steps are far too
+  long, and at a quarter of a turn the angles are singular.
 """
 
 import numpy as np

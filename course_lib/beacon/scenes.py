@@ -86,7 +86,8 @@ def solvable(scene, clearance=ROOMY):
 
     def inside(low, high):
         """The cells whose centres are in this box."""
-        return tuple(slice(*np.searchsorted(axis, ends)) for axis, ends in zip(axes, zip(low, high), strict=True))
+        ends = np.transpose([low, high])
+        return tuple(slice(*np.searchsorted(axis, pair)) for axis, pair in zip(axes, ends, strict=True))
 
     free = np.zeros([len(axis) for axis in axes], dtype=bool)
     free[inside(lowest + grow, highest - grow)] = True

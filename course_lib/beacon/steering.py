@@ -138,6 +138,7 @@ def grow(nodes, parents, targets, steps, draws, bias, goal, margin, boxes, room,
     count = 1
     for edge in range(len(draws)):
         draw = draws[edge]
+        tally[0], tally[1] = count, edge + 1
         aimed = draw[0] < bias
         if aimed:
             target[:3] = goal[:3]
@@ -158,7 +159,7 @@ def grow(nodes, parents, targets, steps, draws, bias, goal, margin, boxes, room,
         parents[count], steps[count] = parent, row
         targets[count] = target
         count += 1
-        tally[0], tally[1] = count, edge + 1
+        tally[0] = count
         if outcome == ARRIVED:
             return count - 1
         if count == len(nodes):
@@ -210,7 +211,7 @@ def fly_route(states, thrusts, targets, steps, legs, leg, row, last, goal, margi
     cache=True,
 )
 def shorten(states, thrusts, targets, steps, legs, draws, goal, margin, boxes, room, parameters):
-    """Make a route shorter in time: leave legs out, shift targets and the times of turning, and keep what is sooner there.
+    """Make a route shorter in time: leave legs out, shift targets and times of turning, and keep what is sooner there.
 
     Parameters
     ----------

@@ -16,6 +16,7 @@ BENCHMARKS = {
     "optimality": (accuracy.optimality, 50),
     "drawn": (drawn.drawn, 40),
     "timing": (timing.timing, 100),
+    "planning": (beacon_planning.beacon_planning, 1000),
     "overhead": (overhead.overhead, 50),
     "sequential": (sequential.sequential, 2000),
     "recorded": (recorded.recorded, 5),
