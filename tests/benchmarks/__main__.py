@@ -6,7 +6,17 @@ import sys
 
 from rich.console import Console
 
-from tests.benchmarks import accuracy, beacon_speed, drawn, overhead, recorded, sequential, speed, timing
+from tests.benchmarks import (
+    accuracy,
+    beacon_planning,
+    beacon_speed,
+    drawn,
+    overhead,
+    recorded,
+    sequential,
+    speed,
+    timing,
+)
 
 #: Benchmark and the number of runs it takes.
 BENCHMARKS = {
