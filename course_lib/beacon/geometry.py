@@ -31,7 +31,8 @@ def horizontal_range(rho, a, h):
     ndarray or float
         √(ρ² - (h/2 - a)²) in metres; `inf` where the root is not positive.
     """
-    square = np.square(rho) - np.square(h / 2 - np.asarray(a))
+    with np.errstate(invalid="ignore"):
+        square = np.square(rho) - np.square(h / 2 - np.asarray(a))
     return np.sqrt(np.where(square > 0.0, square, np.inf))
 
 

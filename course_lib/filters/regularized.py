@@ -24,8 +24,8 @@ from course_lib.filters import bootstrap
 from course_lib.filters.particles import effective_sample_size, equally_weighted, normalise
 from course_lib.filters.resampling import systematic
 
-#: The likelihood is taken in no smaller parts than this, however few particles it leaves.
-SMALLEST_PART = 1e-4
+#: The likelihood is taken in no more parts than this: the last is what is left, however few particles it leaves.
+MOST_PARTS = 30
 
 
 def bandwidth(n, d):
@@ -57,12 +57,12 @@ def resample(particles, rng, scheme=systematic, threshold=0.5, angles=(), scale=
     n, d = particles.states.shape
     if effective_sample_size(particles) >= threshold * n * (1.0 - 1e-9):
         return particles
-    weights, mask = particles.weights, _mask(d, angles)
-    centre, covariance = moments(particles.states, weights, mask)
+    states, weights, mask = np.ascontiguousarray(particles.states, dtype=float), particles.weights, _mask(d, angles)
+    centre, covariance = moments(states, weights, mask)
     h = min(scale * bandwidth(n, d), 1.0)
     root, parents = h * square_root(covariance), scheme(weights, rng)
     noise = rng.standard_normal((n, d))
-    return equally_weighted(spread(particles.states, parents, centre, root, noise, np.sqrt(1.0 - h**2), mask))
+    return equally_weighted(spread(states, parents, centre, root, noise, np.sqrt(1.0 - h**2), mask))
 
 
 def update(particles, log_likelihood, rng, share=0.2, angles=(), scale=1.0):
@@ -94,15 +94,16 @@ def update(particles, log_likelihood, rng, share=0.2, angles=(), scale=1.0):
         As in `filters.update`.
     """
     left, log_evidence = 1.0, 0.0
-    while True:
+    for number in range(1, MOST_PARTS + 1):
         full = log_likelihood(particles.states)
-        part = _largest_part(particles.log_weights, full, left, share)
+        part = left if number == MOST_PARTS else _largest_part(particles.log_weights, full, left, share)
         particles, factor = bootstrap.update(particles, part * full)
         log_evidence += factor
         left -= part
         if left <= 0.0:
-            return particles, log_evidence
+            break
         particles = resample(particles, rng, threshold=1.0, angles=angles, scale=scale)
+    return particles, log_evidence
 
 
 def square_root(covariance):
@@ -219,7 +220,8 @@ def _largest_part(log_weights, log_likelihood, left, share):
     if share <= 0.0 or not share_of(left) < share:
         return left
     low, high = 0.0, left
-    while high - low > 0.02 * high and high > SMALLEST_PART:
+    # To 5 %, and at least a part in a million, so that there is progress.
+    while high - low > 0.05 * high and high > 1e-6 * left:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if share_of(middle) >= share else (low, middle)
-    return min(max(low, SMALLEST_PART), left)
+    return max(low, 1e-6 * left)
