@@ -1,0 +1,103 @@
+"""A tempered particle filter: weights its readings bit by bit, with a kernel wherever half the particles are lost."""
+
+import numpy as np
+
+from course_lib.angles import circular_mean, wrap
+from course_lib.beacon import quadrotor
+from course_lib.filters import Particles, systematic
+
+N = 5000
+ANGLES = [3, 4, 5]
+YAW = 5
+
+
+def ParticleEstimator(previous, observation, control, constants, rng):
+    if previous is None:
+        return Particles(draw_prior(constants, rng), np.full(N, -np.log(N)))
+    states, log_weights = previous
+    states = move(states, control, constants, rng)
+    left = 1.0
+    while True:
+        gain = log_likelihood(observation, states, constants)
+        part = largest_part(log_weights, gain, left)
+        log_weights = normalised(log_weights + part * gain)
+        left -= part
+        if left <= 0.0:
+            return Particles(states, log_weights)
+        states = regularise(states, np.exp(log_weights), rng)
+        log_weights = np.full(N, -np.log(N))
+
+
+def normalised(log_weights):
+    log_weights = log_weights - log_weights.max()
+    return log_weights - np.log(np.exp(log_weights).sum())
+
+
+def largest_part(log_weights, gain, left):
+    """How much of the exponent that is left can be taken before fewer than half of the particles count."""
+
+    def effective(part):
+        return 1.0 / np.sum(np.exp(2.0 * normalised(log_weights + part * gain)))
+
+    if effective(left) >= 0.5 * N:
+        return left
+    low, high = 0.0, left
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if effective(middle) >= 0.5 * N else (low, middle)
+    return max(low, 1e-3)
+
+
+def draw_prior(constants, rng):
+    """First states: position and yaw about what is told, nearly level and at rest."""
+    mean = np.zeros(12)
+    mean[[0, 1, 2, YAW]] = constants.start
+    states = mean + np.repeat(constants.start_sigma, [3, 2, 1, 3, 3]) * rng.standard_normal((N, 12))
+    states[:, ANGLES] = wrap(states[:, ANGLES])
+    return states
+
+
+def move(states, control, constants, rng):
+    """Each particle through f, with thrusts and gusts of its own."""
+    sigma_u = np.sqrt(constants.k * np.abs(control))
+    thrusts = control + sigma_u * rng.standard_normal((N, 4))
+    states = quadrotor.f(states, thrusts, constants.Ts, constants)
+    states[:, 6:9] += constants.sigma_v * np.sqrt(constants.Ts) * rng.standard_normal((N, 3))
+    states[:, 9:12] += constants.sigma_w * np.sqrt(constants.Ts) * rng.standard_normal((N, 3))
+    states[:, ANGLES] = wrap(states[:, ANGLES])
+    return states
+
+
+def log_likelihood(observation, states, constants):
+    """Sum over the readings that are there of -v^2 / (2 sigma^2)."""
+    r, h = constants.R / 2, constants.h / 2
+    beacons = np.array([[r, r, h], [-r, r, h], [-r, -r, h], [r, -r, h]])
+    result = np.zeros(N)
+    for i, beacon in enumerate(beacons):
+        dx, dy, dz = (beacon - states[:, :3]).T
+        if np.isfinite(observation[i]):
+            v = observation[i] - np.sqrt(dx**2 + dy**2 + dz**2)
+            result -= 0.5 * (v / constants.sigma_rho) ** 2
+        if np.isfinite(observation[4 + i]):
+            v = wrap(observation[4 + i] - (np.arctan2(dy, dx) - states[:, YAW]))
+            result -= 0.5 * (v / constants.sigma_alpha) ** 2
+    if np.isfinite(observation[8]):
+        v = observation[8] - states[:, 2]
+        result -= 0.5 * (v / constants.sigma_a) ** 2
+    return result
+
+
+def regularise(states, weights, rng):
+    """Resample, shrink towards the mean and scatter by the covariance, so that copies part and neither changes."""
+    mean = weights @ states
+    mean[ANGLES] = circular_mean(states[:, ANGLES], weights)
+    deviations = states - mean
+    deviations[:, ANGLES] = wrap(deviations[:, ANGLES])
+    covariance = (weights[:, None] * deviations).T @ deviations
+    root = np.linalg.cholesky(covariance + 1e-12 * np.eye(12))
+    h = (4 / (N * 14)) ** (1 / 16)
+    chosen = deviations[systematic(weights, rng)]
+    # x = m + sqrt(1 - h^2) (x_i - m) + h L eps
+    states = mean + np.sqrt(1 - h**2) * chosen + h * rng.standard_normal((N, 12)) @ root.T
+    states[:, ANGLES] = wrap(states[:, ANGLES])
+    return states
