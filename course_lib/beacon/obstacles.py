@@ -5,6 +5,7 @@ A box is (x₀, y₀, z₀, x₁, y₁, z₁) in metres, its lowest corner and i
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -54,7 +55,7 @@ class Scene(Constants):
             if len(place) != 3 or not distances(np.array([place], dtype=float), self)[0] > self.radius:
                 raise ValueError(f"{name} = {place} must be three numbers farther than {self.radius} m from everything")
 
-    @property
+    @cached_property
     def boxes(self):
         """`obstacles` as an array, shape (M, 6)."""
         return np.array(self.obstacles, dtype=float).reshape(-1, 6)
