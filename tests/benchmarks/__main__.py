@@ -8,6 +8,7 @@ from rich.console import Console
 
 from tests.benchmarks import (
     accuracy,
+    beacon_accuracy,
     beacon_planning,
     beacon_speed,
     drawn,
@@ -30,6 +31,7 @@ BENCHMARKS = {
     "overhead": (overhead.overhead, 50),
     "sequential": (sequential.sequential, 2000),
     "recorded": (recorded.recorded, 5),
+    "beacon": (beacon_accuracy.beacon, 200),
     "beacon-speed": (beacon_speed.beacon_speed, 3),
 }
 
