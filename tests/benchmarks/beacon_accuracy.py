@@ -84,6 +84,7 @@ def without(name):
     return partial(source, replace(ekf.ALL, **{name: False}))
 
 
+#: Indented: one repair, or one repair undone.
 KALMAN = {
     "(a) as written": partial(source, ekf.Repairs()),
     "(a) with ρ_xy,2": partial(source, OWN),
@@ -101,13 +102,14 @@ KALMAN = {
     "    but no gusts": without("gusts"),
     "(b) raw": raw,
 }
+#: Indented: one repair after the other.
 PARTICLES = {
     "(c) source's weight": partial(particles, {"regularise": False, "gusts": False}, WeightRepairs()),
     "    + v of each": partial(particles, {"regularise": False, "gusts": False}, PLAIN),
     "    + gusts": partial(particles, {"regularise": False}, PLAIN),
     "(c) likelihood": partial(particles, {"regularise": False}, None),
     "(c) regularised, source": partial(particles, {}, WeightRepairs()),
-    "    + v of each ": partial(particles, {}, PLAIN),
+    "    + each its own v": partial(particles, {}, PLAIN),
     "    + vᵀ Σ⁻¹ v": partial(particles, {}, replace(PLAIN, scaled=True)),
     "    + ½": partial(particles, {}, replace(PLAIN, scaled=True, half=True)),
     "    + Σ = G R Gᵀ": partial(particles, {}, WHOLE),
