@@ -118,11 +118,8 @@ def mean_and_covariance(value, call):
 
 def checked_covariance(covariance, call):
     """The covariance, after making sure that it is symmetric and has no negative variance."""
-    variances = np.diag(covariance)
-    assert (variances >= 0).all(), (
-        f"{call}: the variance of {STATE[np.argmin(variances)]} is negative: {variances.min():.3g}"
-    )
-    scale = units(covariance) + 1e-300
+    deviations = np.sqrt(np.abs(np.diag(covariance))) + 1e-150
+    scale = np.outer(deviations, deviations)
     skew = np.abs(covariance - covariance.T) / scale
     if skew.max() > 1e-9:
         i, j = np.unravel_index(np.argmax(skew), skew.shape)
@@ -130,6 +127,10 @@ def checked_covariance(covariance, call):
             f"The covariance is not symmetric: average it with its transpose.\n{call}: P[{i}, {j}] = "
             f"{covariance[i, j]:.6g}, P[{j}, {i}] = {covariance[j, i]:.6g}"
         )
+    variances = np.diag(covariance)
+    assert (variances >= 0).all(), (
+        f"{call}: the variance of {STATE[np.argmin(variances)]} is negative: {variances.min():.3g}"
+    )
     least = np.linalg.eigvalsh(covariance / scale).min()
     assert least > -1e-9, (
         f"The covariance has a direction of negative variance: use Joseph's form.\n{call}: least eigenvalue "

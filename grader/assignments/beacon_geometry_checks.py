@@ -22,15 +22,15 @@ def horizontal_range(function):
         a = np.array([0.5, 2.6, 1.9, 0.6, 0.4 * h, h - 0.3, -0.1, h / 2])
         up = h / 2 - a
         expected = np.sqrt(np.maximum(rho**2 - up**2, 0.0))
-        short = rho < np.abs(up)
+        short = rho <= np.abs(up)
         call = f"horizontal_range(rho, a, h={h:g})"
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             got = function(rho, a, h)
         if caught:
             note = "Right, though it warns: take the larger of 0 and the difference before the root, not after."
-        if _all_nan(got, short):
-            i = np.argmax(short)
+        if _all_nan(got, rho < np.abs(up)):
+            i = np.argmax(rho < np.abs(up))
             raise AssertionError(
                 "The root has no guard: a noisy range may be shorter than the way up to the beacon. Return 0 there.\n"
                 f"{call}: rho = {rho[i]:g}, a = {a[i]:g}: got nan"

@@ -66,10 +66,11 @@ def _predicted_means(mean, u, constants):
         "F_x is for the covariance: the mean moves by f.",
     )
     if constants != Constants():
-        yield (
-            quadrotor.f(mean, u, constants.Ts, Constants()),
-            "The numbers are those of the default constants: hand on `constants`.",
-        )
+        for Ts in (constants.Ts, Constants().Ts):
+            yield (
+                quadrotor.f(mean, u, Ts, Constants()),
+                "The numbers are those of the default constants: hand on `constants`.",
+            )
 
 
 def _predicted(mean, covariance, u, constants, thrust=None, gusts=None, at=None, linear=None):

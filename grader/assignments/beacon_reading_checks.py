@@ -111,6 +111,9 @@ def innovation(function):
         for n, state in enumerate(states(30, constants, rng)):
             predicted = models.observe(state[None], constants)[0]
             observation = np.append(predicted + 2 * constants.sigma_z * rng.standard_normal(MEASURED), [np.inf, np.inf])
+            if n == 5:
+                # Far off, as a filter is that has lost track.
+                observation[:4] += [4.0, -5.0, 0.0, 6.0]
             if n < 4:
                 # Beacon n is straight behind: its reading lies beyond the seam.
                 state[5] = wrap(state[5] + predicted[4 + n] - np.pi + 0.01)
