@@ -3,6 +3,8 @@
 import base64
 import html
 import io
+import re
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -115,6 +117,31 @@ def animation(picture, draw, frames, alt, frames_per_second=10, dpi=72):
     images[0].save(moving, "GIF", save_all=True, append_images=images[1:], duration=duration, loop=0)
     images[-1].save(still, "PNG", optimize=True)
     return _embed(moving.getvalue(), "gif", alt, still.getvalue())
+
+
+def save_animation(page, path):
+    """Write what `animation` returned to a GIF file."""
+    encoded = re.search(r"data:image/gif;base64,([^\"]+)", page.data)[1]
+    Path(path).write_bytes(base64.b64decode(encoded))
+
+
+def representatives(particles, size):
+    """At most `size` states in which each particle appears in proportion to its weight, without chance.
+
+    Parameters
+    ----------
+    particles : Particles
+        states (N, d).
+    size : int
+
+    Returns
+    -------
+    ndarray, shape (min(size, N), d)
+    """
+    cumulative = np.cumsum(particles.weights)
+    size = min(size, len(cumulative))
+    positions = (np.arange(size) + 0.5) / size * cumulative[-1]
+    return particles.states[np.searchsorted(cumulative, positions)]
 
 
 def _embed(data, kind, alt, still=None):

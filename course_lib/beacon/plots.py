@@ -1,9 +1,6 @@
 """Pictures of the quadrotor among its beacons. Metres and seconds. The truth is black, what is estimated has colour."""
 
-import base64
-import re
 import sys
-from pathlib import Path
 
 import numpy as np
 from matplotlib.collections import LineCollection
@@ -12,7 +9,19 @@ from scipy.stats import chi2
 
 from course_lib.beacon.constants import ALTITUDE, ATTITUDE, BEARINGS, RANGES, YAW, Constants
 from course_lib.filters import Gaussian, Particles
-from course_lib.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILLION, animation, subplots
+from course_lib.plotting import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    VERMILLION,
+    animation,
+    representatives,
+    save_animation,
+    subplots,
+)
 from course_lib.recording import replay
 
 #: One for each beacon: range and bearing of a beacon have its colour, and its number stands beside it.
@@ -184,7 +193,7 @@ def cloud(axes, particles, view=ABOVE, color=SKY_BLUE, size=400, label=None):
     -------
     matplotlib.lines.Line2D
     """
-    x, y = _representatives(particles, size)[:, view].T
+    x, y = representatives(particles, size)[:, view].T
     return axes.plot(x, y, "o", color=color, markersize=2.5, alpha=0.5, markeredgewidth=0, label=label)[0]
 
 
@@ -302,7 +311,7 @@ def animate_run(run, constants, alt, posteriors=None, every=4, trail=40, size=20
         for line, (_, view) in zip(known, both, strict=False):
             posterior = posteriors[k]
             if isinstance(posterior, Particles):
-                line.set_data(*_representatives(posterior, size)[:, view].T)
+                line.set_data(*representatives(posterior, size)[:, view].T)
             else:
                 line.set_data(*_outline(posterior, view))
         axes[0].set_title(f"{k * constants.Ts:4.1f} s")
@@ -402,14 +411,6 @@ def _outline(gaussian, view):
     return gaussian.mean[columns][:, None] + axes @ (np.sqrt(np.maximum(variances, 0.0))[:, None] * circle)
 
 
-def _representatives(particles, size):
-    """At most `size` states in which each particle appears in proportion to its weight, without chance."""
-    cumulative = np.cumsum(np.exp(particles.log_weights))
-    size = min(size, len(cumulative))
-    positions = (np.arange(size) + 0.5) / size * cumulative[-1]
-    return particles.states[np.searchsorted(cumulative, positions)]
-
-
 def _portrait(path):
     """Write the animated GIF of the reference filter at work that the README shows."""
     # Only here: students have the pictures and not the reference.
@@ -421,8 +422,7 @@ def _portrait(path):
     returned = replay(Estimator, run, constants, np.random.default_rng(4))
     posteriors = [getattr(step, "posterior", step) for step in returned]
     page = animate_run(run, constants, "a quadrotor among four beacons and the filter's ellipse", posteriors)
-    encoded = re.search(r"data:image/gif;base64,([^\"]+)", page.data)[1]
-    Path(path).write_bytes(base64.b64decode(encoded))
+    save_animation(page, path)
 
 
 if __name__ == "__main__":

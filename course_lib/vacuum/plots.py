@@ -1,13 +1,10 @@
 """Pictures of the two vacuum robots. All lengths in metres, times in seconds; robot A is blue, robot B vermillion."""
 
-import base64
-import re
 import sys
-from pathlib import Path
 
 import numpy as np
 
-from course_lib.plotting import BLACK, BLUE, VERMILLION, animation, subplots
+from course_lib.plotting import BLACK, BLUE, VERMILLION, animation, representatives, save_animation, subplots
 from course_lib.recording import replay
 from course_lib.vacuum.constants import Constants
 
@@ -191,7 +188,7 @@ def animate_clouds(run, posteriors, constants, alt, every=2, size=250):
 
 def _show(lines, particles, truth, size):
     """Give the lines of `clouds` their data."""
-    chosen = _representatives(particles, size)
+    chosen = representatives(particles, size)
     for robot in (0, 1):
         columns = [3 * robot, 3 * robot + 1]
         lines[2 * robot].set_data(*chosen[:, columns].T)
@@ -200,14 +197,6 @@ def _show(lines, particles, truth, size):
 
 def _true_robot(colour):
     return {"color": colour, "markersize": 11, "markeredgecolor": BLACK, "markeredgewidth": 1.5, "zorder": 4}
-
-
-def _representatives(particles, size):
-    """At most `size` states in which each particle appears in proportion to its weight, without chance."""
-    cumulative = np.cumsum(np.exp(particles.log_weights))
-    size = min(size, len(cumulative))
-    positions = (np.arange(size) + 0.5) / size * cumulative[-1]
-    return particles.states[np.searchsorted(cumulative, positions)]
 
 
 def _portrait(path):
@@ -221,8 +210,7 @@ def _portrait(path):
     returned = replay(Estimator, run, constants, np.random.default_rng(4))
     posteriors = [getattr(step, "posterior", step) for step in returned]
     page = animate_clouds(run, posteriors, constants, "two robots and their clouds")
-    encoded = re.search(r"data:image/gif;base64,([^\"]+)", page.data)[1]
-    Path(path).write_bytes(base64.b64decode(encoded))
+    save_animation(page, path)
 
 
 if __name__ == "__main__":
