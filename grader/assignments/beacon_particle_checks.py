@@ -192,17 +192,17 @@ def _jittered(white, kurtosis, C, L, root, corners, cloud, call):
     kept, diagonal = 1 - h**2, np.diag(np.diag(C))
     unweighted = covariance(Particles(cloud, np.full(n, -np.log(n))), ANGLES)
 
-    def agrees(shrink, kernel):
-        """Whether the result is what a spread scaled by `shrink` and jitter of covariance `kernel` give."""
+    def unlike(shrink, kernel):
+        """How unlike the result is to a spread scaled by `shrink` and jitter of covariance `kernel`; to 1 is chance."""
         whole = shrink * C + kernel
         there = np.linalg.solve(L, np.linalg.solve(L, whole).T)
         total, part = (np.diag(np.linalg.solve(root, np.linalg.solve(root, M).T))[corners] for M in (whole, kernel))
         # A sum of a two-valued number and a normal one of this share of the variance.
         peaked = np.mean(3 - 2 * (1 - part / total) ** 2)
         chance = ROOM_FOR_CHANCE * max(1.0, np.abs(there).max())
-        return np.abs(white - there).max() < chance and abs(kurtosis - peaked) < PEAKED_FOR_CHANCE
+        return max(np.abs(white - there).max() / chance, abs(kurtosis - peaked) / PEAKED_FOR_CHANCE)
 
-    if agrees(kept, h**2 * C):
+    if unlike(kept, h**2 * C) < 1:
         return
     after = L @ white @ L.T
     jitter = 1.0 - np.sqrt(max(3.0 - kurtosis, 0.0) / 2.0)
@@ -211,7 +211,7 @@ def _jittered(white, kurtosis, C, L, root, corners, cloud, call):
         f"{call}\nvariance after over variance before: expected 1.00, got {grown:.2f}\n"
         f"share of the jitter in it: expected h² = {h**2:.2f}, got {jitter:.2f}"
     )
-    for shrink, kernel, name in [
+    faults = [
         (1.0, h**2 * C, "The shrinkage is forgotten: with x + h L ε the covariance grows at every resampling, by h²."),
         (kept, h**2 * diagonal, "The jitter has only the diagonal of the covariance: the correlations are lost."),
         (1.0, h**2 * diagonal, "The jitter has only the diagonal of the covariance, and the shrinkage is forgotten."),
@@ -234,9 +234,10 @@ def _jittered(white, kurtosis, C, L, root, corners, cloud, call):
         (kept, C, "The factor h is missing: h L ε."),
         (0.0, C, "This draws from one normal distribution: keep the particles, and shake them."),
         (kept, 0 * C, "The cloud is shrunk and not shaken: h L ε is missing."),
-    ]:
-        if agrees(shrink, kernel):
-            raise AssertionError(f"{name}\n{table}")
+    ]
+    likeness, name = min((unlike(shrink, kernel), name) for shrink, kernel, name in faults)
+    if likeness < 1:
+        raise AssertionError(f"{name}\n{table}")
     if np.abs(white - np.eye(d)).max() < ROOM_FOR_CHANCE:
         raise AssertionError(f"The size of h: (4 / (N (d + 2)))^(1 / (d + 4)) with d = 12.\n{table}")
     i, j = np.unravel_index(np.argmax(np.abs(white - np.eye(d))), (d, d))
