@@ -1,4 +1,4 @@
-"""No kernel but a fixed jitter on every column at each resampling."""
+"""Nearly right: no kernel, but a little jitter on every column at each resampling, the same whatever is known."""
 
 import numpy as np
 
