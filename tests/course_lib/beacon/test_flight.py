@@ -181,7 +181,8 @@ def test_blown_off_its_way_the_reference_plans_anew():
     np.testing.assert_array_equal(second.memory.plan.states[0], moved)
 
 
-def test_where_there_is_no_way_the_reference_hovers():
+def test_where_there_is_no_way_the_reference_hovers(monkeypatch):
+    monkeypatch.setattr(pilot, "SHARES", (0.0,))
     scene = Scene(
         obstacles=((-0.1, -5.0, 0.0, 0.1, 5.0, 4.0),), start=(-3.0, 0.0, 2.0, 0.0), goal=(3.0, 0.0, 2.0), limit=2.0
     )
