@@ -277,6 +277,7 @@ _SHARED = dict(
     positions=((0, 1),),
     withheld=WITHHELD,
     deadline=5.0,
+    landmarks={"energy score": ((0.05, "the worked examination's filter, mended"), (10.8, "dead reckoning"))},
 )
 
 ASSIGNMENTS = (
@@ -287,7 +288,7 @@ ASSIGNMENTS = (
         reference="course_lib.beacon.reference:Estimator",
         variants=KALMAN_VARIANTS,
         given=("course_lib.beacon.quadrotor", "filterpy.kalman"),
-        speed=Speed(variant="default", steps=100, points=8, full=5.0, none=25.0),
+        speed=Speed(variant="default", steps=100, points=8, full=2.0, none=10.0),
         **_SHARED,
     ),
     EstimatorAssignment(
@@ -297,7 +298,7 @@ ASSIGNMENTS = (
         reference="course_lib.beacon.reference:ParticleEstimator",
         variants=PARTICLE_VARIANTS,
         given=("course_lib.beacon.quadrotor",),
-        speed=Speed(variant="default", steps=50, points=8, full=3.0, none=12.0),
+        speed=Speed(variant="default", steps=50, points=8, full=2.0, none=6.0),
         **_SHARED,
     ),
 )

@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from course_lib.beacon.flight import Flight
-from course_lib.beacon.obstacles import Scene
+from course_lib.beacon.obstacles import Scene, distances
 from course_lib.beacon.scenes import KINDS, random_scene
 from grader.assignment import Criterion, LogUniform, PlannerAssignment, Uniform, Variant
 
@@ -11,6 +13,8 @@ from grader.assignment import Criterion, LogUniform, PlannerAssignment, Uniform,
 # that arrives is nearly right: one that follows a path of points in sight of the controller takes 1.5 to 3 times as
 # long, and a cautious one four times.
 TIME = (3.0, 10.0)
+#: Places between start and goal at which something may stand in the way.
+LOOKS = 200
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,17 @@ class Hidden:
 def simulate(variant, rng):
     """A flight at its start: scene and gusts have separate streams."""
     place, air = rng.spawn(2)
-    return Flight(random_scene(variant.hidden.kind, place, variant.constants), air)
+    kind = variant.hidden.kind
+    scene = random_scene(kind, place, variant.constants)
+    while kind != "open" and not in_the_way(scene):
+        scene = random_scene(kind, place, variant.constants)
+    return Flight(scene, air)
+
+
+def in_the_way(scene):
+    """Whether something stands between start and goal: without, one need not plan."""
+    straight = np.linspace(scene.start[:3], scene.goal, LOOKS)
+    return bool(distances(straight, scene).min() <= scene.radius)
 
 
 def picture(flight):
