@@ -64,7 +64,7 @@ class Route(NamedTuple):
     steps: np.ndarray
 
 
-def plan(scene, state, rng, margin=0.15, trees=2, edges=20_000, proposals=4_000):
+def plan(scene, state, rng, margin=0.15, trees=2, edges=40_000, proposals=4_000):
     """Plan a flight from a state to the scene's goal.
 
     Parameters
