@@ -7,7 +7,7 @@ from course_lib.filters import Step
 
 MARGIN = 0.2
 STEP = 0.8
-MOST_POINTS = 4000
+MOST_POINTS = 800
 #: How far along the path the controller may be sent, in tenths of a metre; how long its flight is foreseen, in seconds.
 AHEAD = (60, 45, 35, 28, 22, 17, 13, 10, 7, 5, 3)
 FORESIGHT = 2.2
