@@ -6,7 +6,6 @@ particle filter scatter is beside its limits.
 
 import functools
 import importlib
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import islice
@@ -156,22 +155,22 @@ def _compare(function, name, trial):
     """The line to show, unless a figure is out of its limits."""
     yours = _figures(function, name, trial)
     reference = _reference_figures(name, trial)
-    beside = [f" (the reference's {text})" for text in _written(*reference)] if reference else ["", "", ""]
-    error, consistency, cost = _written(*yours)
+    beside = [f" (the reference's {text})" for text in _written(*reference)] if reference else ["", ""]
+    error, consistency = _written(*yours)
     line = (
         f"Over {trial.runs} recorded runs of {trial.steps} steps, from step {SETTLED} on: position error {error}"
-        f"{beside[0]}, NEES {consistency}{beside[1]}, where {IDEAL:g} is right; {cost} of CPU time a step{beside[2]}."
+        f"{beside[0]}, NEES {consistency}{beside[1]}, where {IDEAL:g} is right."
     )
     _within(yours, trial, line)
     return line
 
 
-def _written(error, consistency, cost):
-    return f"{error:.3f} m", f"{consistency:.1f}", f"{1e3 * cost:.1f} ms"
+def _written(error, consistency):
+    return f"{error:.3f} m", f"{consistency:.1f}"
 
 
 def _within(figures, trial, line):
-    error, consistency, _ = figures
+    error, consistency = figures
     assert error <= trial.error, (
         f"The error is too large: to pass here, at most {trial.error:g} m. Do all the pieces above pass?\n{line}"
     )
@@ -186,22 +185,19 @@ def _within(figures, trial, line):
 
 
 def _figures(function, name, trial):
-    """Position error (m, root mean square over a run), NEES, CPU seconds of a typical step."""
-    errors, consistency, costs = [], [], []
+    """Position error (m, root mean square over a run) and NEES."""
+    errors, consistency = [], []
     for i, run in enumerate(_recorded_runs(trial.constants, trial.runs, trial.steps)):
         answers = replay(function, run, trial.constants, np.random.default_rng([21, i]))
         squares, normalised = [], []
         for k, truth in enumerate(run.truth):
-            began = time.process_time()
-            answer = next(answers)
-            costs.append(time.process_time() - began)
-            mean, covariance = posterior(answer, f"{name} in run {i + 1}, step {k}")
+            mean, covariance = posterior(next(answers), f"{name} in run {i + 1}, step {k}")
             if k >= SETTLED:
                 squares.append(((mean - truth)[POSITION] ** 2).sum())
                 normalised.append(nees(Gaussian(mean, covariance), truth[None], ANGLES)[0])
         errors.append(np.sqrt(np.mean(squares)))
         consistency.append(np.mean(normalised))
-    return float(trial.typical(errors)), float(trial.typical(consistency)), float(np.median(costs))
+    return float(trial.typical(errors)), float(trial.typical(consistency))
 
 
 @functools.cache
@@ -219,7 +215,7 @@ def _reads_constants(function):
     trial = Trial(OTHER, 3, 60, np.mean, 0.0, 0.0, 0.0)
     name = f"Estimator {room(OTHER)}"
     own = _figures(kalman_filter(), name, trial)
-    error, consistency, _ = figures = _figures(function, name, trial)
+    error, consistency = figures = _figures(function, name, trial)
     try:
         _within(figures, trial._replace(error=1.25 * own[0], least=0.7 * own[1], most=1.4 * own[1]), "")
     except AssertionError:
