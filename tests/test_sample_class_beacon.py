@@ -1,7 +1,8 @@
 """The sample classes of the beacon unit through the grader.
 
 Each fault is graded in the variant in which it shows most: all of them, in every variant, take many minutes
-(`grader grade tests/submissions/beacon-ekf --assignment beacon-ekf`). A few go through the command, in every variant. Episodes are the public ones, so that nothing here is left to chance but a planner's wall clock.
+(`grader grade tests/submissions/beacon-ekf --assignment beacon-ekf`). A few go through the command, in every variant.
+Episodes are the public ones, so that nothing here is left to chance but a planner's wall clock.
 """
 
 import subprocess
