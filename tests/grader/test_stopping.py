@@ -40,7 +40,7 @@ def judge(monkeypatch):
     def judge(shares, cap=60, width=15.0):
         ran = []
 
-        def evaluate(server, assignment, variant, episode, secret, source):
+        def evaluate(server, assignment, variant, episode, secret, source, draw):
             ran.append((variant.name, episode))
             return outcome(shares(variant.name, episode))
 
