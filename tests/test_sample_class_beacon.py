@@ -101,6 +101,7 @@ FAULTS = {
         "weights_for_logarithms": ("hurricane", 0.75),
         "weights_inverted": ("precise", 0.1),
         "weights_kept_after_resampling": ("precise", 0.1),
+        "weights_without_half": ("hurricane", 0.6),
     },
     "beacon-rrt": {
         "straight_to_the_goal": ("window", 0.0),
@@ -144,6 +145,7 @@ RIGHT = {
         "good_filterpy": (("storm", "corner"), 1.0),
         "good_iterated": (("storm", "alone"), 0.9),
         "good_one_at_a_time": (("storm", "alone"), 0.9),
+        "good_ukf": (("storm", "alone"), 0.9),
         "good_unwrapped_mean": (("storm", "behind"), 1.0),
     },
     "beacon-pf": {
@@ -157,11 +159,10 @@ RIGHT = {
 CLASS = {
     "beacon-ekf": {
         "good_plain": (1.0, 1.0),
-        "good_ukf": (0.98, 1.0),
         "slow_from_the_start": (1.0, 1.0),
         "yaw_left_out": (0.3, 0.6),
     },
-    "beacon-pf": {"good_plain": (0.95, 1.0), "slow_python_loop": (0.95, 1.0), "weights_without_half": (0.6, 0.9)},
+    "beacon-pf": {"good_plain": (0.95, 1.0), "slow_python_loop": (0.95, 1.0)},
     "beacon-rrt": {"good_plain": (0.95, 1.0), "straight_to_the_goal": (0.06, 0.06)},
 }
 SLOW = {"slow_from_the_start", "slow_python_loop"}
