@@ -1,0 +1,1 @@
+"""Geometry on arrays: polygons, ray casting, occupancy grids. Knows no world."""

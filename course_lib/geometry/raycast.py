@@ -1,0 +1,217 @@
+"""How far it is along a ray to the nearest wall: exactly, for many rays and some dozens of walls.
+
+A ray o + t u meets the wall from a to b where t = (p × q) / (u × q - u × p), with p = a - o and q = b - o. The ray is between the
+two ends when u × p and u × q have opposite signs. Ends are judged by this sign alone, and the two walls that share an end compute it from
+the same numbers: no ray slips between them. p × q has nothing to do with u, so all rays of one origin share it.
+"""
+
+import math
+
+import numba
+import numpy as np
+from numba import njit
+
+#: An origin this near to a wall, in metres, is on it.
+ON_WALL = 1e-12
+
+#: A wall whose p × q is at most this part of p² + q² is seen end-on: t would be a quotient of two rounding errors.
+_END_ON = 1e-6
+
+#: A component of a direction that is smaller is none: cos(π/2) is 6e-17, and the ray along a wall would miss it.
+_ROUNDING = 1e-15
+
+#: Poses that a thread takes at a time.
+_BLOCK = 512
+
+
+def cast(origins, angles, walls, limit=np.inf, parallel=False):
+    """Ranges along rays of any directions.
+
+    Parameters
+    ----------
+    origins : ndarray, shape (N, 2)
+        Where the rays start, in metres.
+    angles : ndarray, shape (N, B)
+        World-frame directions of each origin's rays, in radians, counter-clockwise from x.
+    walls : ndarray, shape (S, 4)
+        Closed segments x0, y0, x1, y1, in metres. Walls of no length are points.
+    limit : float
+        The largest range, in metres.
+    parallel : bool
+        Whether to use all threads that numba has.
+
+    Returns
+    -------
+    ndarray, shape (N, B)
+        Metres to the nearest wall; inf where there is none within `limit`, 0 from an origin on a wall. A ray along a wall
+        meets its nearest point.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit.
+    """
+    origins, walls = _rows(origins, 2, "origins"), _rows(walls, 4, "walls")
+    angles = np.ascontiguousarray(angles, dtype=np.float64)
+    if angles.ndim != 2 or len(angles) != len(origins):
+        raise ValueError(f"angles: shape {angles.shape} must be ({len(origins)}, B), a row for each origin")
+    ranges = np.empty(angles.shape)
+    kernel = _cast_parallel if parallel else cast_into
+    kernel(origins, angles, walls, float(limit), ranges)
+    return ranges
+
+
+def cast_fan(poses, bearings, walls, limit=np.inf, parallel=False):
+    """Ranges along the same bearings from many poses.
+
+    Parameters
+    ----------
+    poses : ndarray, shape (N, 3)
+        x, y and heading: metres and radians.
+    bearings : ndarray, shape (B,)
+        Directions of the rays from the heading, in radians, counter-clockwise.
+    walls, limit, parallel
+        As of `cast`.
+
+    Returns
+    -------
+    ndarray, shape (N, B)
+        As of `cast`.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit.
+    """
+    poses, walls = _rows(poses, 3, "poses"), _rows(walls, 4, "walls")
+    bearings = np.ascontiguousarray(bearings, dtype=np.float64)
+    if bearings.ndim != 1:
+        raise ValueError(f"bearings: shape {bearings.shape} must be (B,)")
+    ranges = np.empty((len(poses), len(bearings)))
+    kernel = _fan_parallel if parallel else fan_into
+    kernel(poses, bearings, walls, float(limit), ranges)
+    return ranges
+
+
+def _rows(values, columns, name):
+    array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise ValueError(f"{name}: shape {array.shape} must be (any number, {columns})")
+    return array
+
+
+@njit("int64(float64, float64, float64[:, ::1], float64[:, ::1])", fastmath={"nnan", "nsz"}, cache=True)
+def _seen_from(x, y, corners, view):
+    """Fill `view` with p, q (in the order in which p × q > 0) and 1 / (p × q) of each wall; count those seen end-on."""
+    end_on = 0
+    for i in range(view.shape[1]):
+        px, py = corners[0, i] - x, corners[1, i] - y
+        qx, qy = corners[2, i] - x, corners[3, i] - y
+        cross = px * qy - py * qx
+        turned = cross < 0.0
+        view[0, i] = qx if turned else px
+        view[1, i] = qy if turned else py
+        view[2, i] = px if turned else qx
+        view[3, i] = py if turned else qy
+        cross = abs(cross)
+        small = cross <= _END_ON * (px * px + py * py + qx * qx + qy * qy)
+        view[4, i] = 0.0 if small else 1.0 / cross
+        end_on += small
+    return end_on
+
+
+@njit("float64(float64, float64, float64[:, ::1])", fastmath={"nnan", "nsz"}, cache=True)
+def _nearness(ux, uy, view):
+    """1 / t of the nearest wall that is not seen end-on; 0 where there is none."""
+    nearest = 0.0
+    for i in range(view.shape[1]):
+        p = ux * view[1, i] - uy * view[0, i]
+        q = ux * view[3, i] - uy * view[2, i]
+        nearness = (q - p) * view[4, i] if (p <= 0.0) & (q >= 0.0) else 0.0
+        nearest = nearness if nearness > nearest else nearest
+    return nearest
+
+
+@njit("boolean(float64[:, ::1])", cache=True)
+def _on_wall(view):
+    """Whether the origin is on one of the walls that it sees end-on."""
+    for i in range(view.shape[1]):
+        if view[4, i] == 0.0:
+            px, py, qx, qy = view[0, i], view[1, i], view[2, i], view[3, i]
+            cross = abs(px * qy - py * qx)
+            if px * qx + py * qy <= 0.0 and cross <= ON_WALL * math.hypot(qx - px, qy - py):
+                return True
+    return False
+
+
+@njit("float64(float64, float64, float64[:, ::1])", cache=True)
+def _end_on_range(ux, uy, view):
+    """Metres to the nearest of the walls seen end-on, by interpolation between the two ends."""
+    nearest = math.inf
+    for i in range(view.shape[1]):
+        if view[4, i] == 0.0:
+            p = ux * view[1, i] - uy * view[0, i]
+            q = ux * view[3, i] - uy * view[2, i]
+            if min(p, q) <= 0.0 <= max(p, q):
+                along_p = ux * view[0, i] + uy * view[1, i]
+                along_q = ux * view[2, i] + uy * view[3, i]
+                t = (q * along_p - p * along_q) / (q - p) if p != q else min(along_p, along_q)
+                if t >= 0.0:
+                    nearest = min(nearest, t)
+    return nearest
+
+
+@njit("float64(float64, float64, float64, float64[:, ::1], boolean)", cache=True)
+def _range(ux, uy, limit, view, end_on):
+    ux = 0.0 if abs(ux) < _ROUNDING else ux
+    uy = 0.0 if abs(uy) < _ROUNDING else uy
+    nearest = _nearness(ux, uy, view)
+    t = 1.0 / nearest if nearest > 0.0 else math.inf
+    if end_on:
+        t = min(t, _end_on_range(ux, uy, view))
+    return t if t <= limit else math.inf
+
+
+@njit("void(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64, float64[:, ::1])", cache=True)
+def cast_into(origins, angles, walls, limit, ranges):
+    """`cast` for use in other kernels: fills `ranges`, shape (N, B)."""
+    corners = np.ascontiguousarray(walls.T)
+    view = np.empty((5, len(walls)))
+    for n in range(len(origins)):
+        end_on = _seen_from(origins[n, 0], origins[n, 1], corners, view) > 0
+        if end_on and _on_wall(view):
+            ranges[n] = 0.0
+            continue
+        for k in range(angles.shape[1]):
+            ranges[n, k] = _range(math.cos(angles[n, k]), math.sin(angles[n, k]), limit, view, end_on)
+
+
+@njit("void(float64[:, ::1], float64[::1], float64[:, ::1], float64, float64[:, ::1])", cache=True)
+def fan_into(poses, bearings, walls, limit, ranges):
+    """`cast_fan` for use in other kernels: fills `ranges`, shape (N, B)."""
+    corners = np.ascontiguousarray(walls.T)
+    view = np.empty((5, len(walls)))
+    cosines, sines = np.cos(bearings), np.sin(bearings)
+    for n in range(len(poses)):
+        end_on = _seen_from(poses[n, 0], poses[n, 1], corners, view) > 0
+        if end_on and _on_wall(view):
+            ranges[n] = 0.0
+            continue
+        c, s = math.cos(poses[n, 2]), math.sin(poses[n, 2])
+        for k in range(len(bearings)):
+            ux, uy = c * cosines[k] - s * sines[k], s * cosines[k] + c * sines[k]
+            ranges[n, k] = _range(ux, uy, limit, view, end_on)
+
+
+@njit(parallel=True, cache=True)
+def _cast_parallel(origins, angles, walls, limit, ranges):
+    for block in numba.prange((len(origins) + _BLOCK - 1) // _BLOCK):
+        rows = slice(block * _BLOCK, min(len(origins), (block + 1) * _BLOCK))
+        cast_into(origins[rows], angles[rows], walls, limit, ranges[rows])
+
+
+@njit(parallel=True, cache=True)
+def _fan_parallel(poses, bearings, walls, limit, ranges):
+    for block in numba.prange((len(poses) + _BLOCK - 1) // _BLOCK):
+        rows = slice(block * _BLOCK, min(len(poses), (block + 1) * _BLOCK))
+        fan_into(poses[rows], bearings, walls, limit, ranges[rows])
