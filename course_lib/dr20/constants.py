@@ -43,8 +43,8 @@ class Constants:
     r_max : float
         What is farther away than this, in metres, is not seen: the reading is `inf`.
     p_short, p_miss, p_random : float
-        Probabilities that a reading comes from something before the wall, that it is `inf` for no reason, and that it is
-        uniform on [0, r_max].
+        Probabilities that a reading comes from something before the wall, that it is `inf` for no reason, and that it
+        is uniform on [0, r_max].
     rate_short : float
         What stands before the wall is at an exponentially distributed distance, with this rate per metre.
     near : (float, float)

@@ -216,7 +216,7 @@ def beam_log_likelihood(readings, expected, sigma, r_max, p_short, rate_short, p
         for b in range(len(readings)):
             z, d = readings[b], expected[i, b]
             if z < np.inf:
-                # p(z | d) = p_hit N(z; d, σ²) + p_short λ e^{-λz} / (1 - e^{-λd}) [0 ≤ z ≤ d] + p_random / r_max        (5)
+                # p(z | d) = p_hit N(z; d, σ²) + p_short λ e^{-λz} / (1 - e^{-λd}) [0 ≤ z ≤ d] + p_random / r_max  (5)
                 deviation = (z - d) / sigma
                 p = peak * np.exp(-0.5 * deviation * deviation)
                 if 0.0 <= z <= r_max:
@@ -224,7 +224,7 @@ def beam_log_likelihood(readings, expected, sigma, r_max, p_short, rate_short, p
                     if p_short > 0.0 and z <= d and d > 0.0:
                         p += p_short * rate_short * np.exp(-rate_short * z) / -np.expm1(-rate_short * d)
             else:
-                # P(∞ | d) = p_miss + p_hit Φ((d - r_max) / σ) + p_short P(short and beyond r_max)                        (6)
+                # P(∞ | d) = p_miss + p_hit Φ((d - r_max) / σ) + p_short P(short and beyond r_max)                 (6)
                 p = p_miss + p_hit * 0.5 * math.erfc((r_max - d) / (sigma * np.sqrt(2.0)))
                 if p_short > 0.0 and d > r_max:
                     p += p_short * (np.exp(-rate_short * r_max) - np.exp(-rate_short * d)) / -np.expm1(-rate_short * d)

@@ -40,6 +40,27 @@ def walls(rings):
     return np.ascontiguousarray(np.vstack(parts))
 
 
+@njit(types.boolean(_FLOAT, _FLOAT, _WALLS), cache=True, inline="always")
+def _encloses(x, y, walls):
+    odd = False
+    for j in range(len(walls)):
+        ax, ay, bx, by = walls[j, 0], walls[j, 1], walls[j, 2], walls[j, 3]
+        # Half-open in y: a vertex at the point's own height belongs to one of its two walls.
+        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+            odd = not odd
+    return odd
+
+
+@njit(_FLOAT(_FLOAT, _FLOAT, _WALLS, types.int64), cache=True, inline="always")
+def _square_distance(x, y, walls, j):
+    ax, ay = walls[j, 0], walls[j, 1]
+    ex, ey = walls[j, 2] - ax, walls[j, 3] - ay
+    wx, wy = x - ax, y - ay
+    square = ex * ex + ey * ey
+    share = min(max((wx * ex + wy * ey) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    return (wx - share * ex) ** 2 + (wy - share * ey) ** 2
+
+
 @njit(types.boolean[::1](_POINTS, _WALLS), cache=True)
 def inside(points, walls):
     """Which points are inside, by the even-odd rule.
@@ -167,24 +188,3 @@ def reach(x, y, dx, dy, distance, walls, radius):
                 distance = min(distance, max(-b - np.sqrt(b * b - c), 0.0))
             wx, wy = x - bx, y - by
     return distance
-
-
-@njit(types.boolean(_FLOAT, _FLOAT, _WALLS), cache=True, inline="always")
-def _encloses(x, y, walls):
-    odd = False
-    for j in range(len(walls)):
-        ax, ay, bx, by = walls[j, 0], walls[j, 1], walls[j, 2], walls[j, 3]
-        # Half-open in y: a vertex at the point's own height belongs to one of its two walls.
-        if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
-            odd = not odd
-    return odd
-
-
-@njit(_FLOAT(_FLOAT, _FLOAT, _WALLS, types.int64), cache=True, inline="always")
-def _square_distance(x, y, walls, j):
-    ax, ay = walls[j, 0], walls[j, 1]
-    ex, ey = walls[j, 2] - ax, walls[j, 3] - ay
-    wx, wy = x - ax, y - ay
-    square = ex * ex + ey * ey
-    share = min(max((wx * ex + wy * ey) / square, 0.0), 1.0) if square > 0.0 else 0.0
-    return (wx - share * ex) ** 2 + (wy - share * ey) ** 2
