@@ -100,7 +100,7 @@ def _rows(values, columns, name):
     return array
 
 
-@njit("int64(float64, float64, float64[:, ::1], float64[:, ::1])", fastmath={"nnan", "nsz"}, cache=True)
+@njit("int64(float64, float64, float64[:, ::1], float64[:, ::1])", fastmath={"nnan", "nsz"}, error_model="numpy", cache=True)
 def _seen_from(x, y, corners, view):
     """Fill `view` with p, q (in the order in which p × q > 0) and 1 / (p × q) of each wall; count those seen end-on."""
     end_on = 0
@@ -114,22 +114,25 @@ def _seen_from(x, y, corners, view):
         view[2, i] = px if turned else qx
         view[3, i] = py if turned else qy
         cross = abs(cross)
+        inverse = 1.0 / cross
         small = cross <= _END_ON * (px * px + py * py + qx * qx + qy * qy)
-        view[4, i] = 0.0 if small else 1.0 / cross
-        end_on += small
+        view[4, i] = 0.0 if small else inverse
+        end_on += 1 if small else 0
     return end_on
 
 
 @njit("float64(float64, float64, float64[:, ::1])", fastmath={"nnan", "nsz"}, cache=True)
 def _nearness(ux, uy, view):
     """1 / t of the nearest wall that is not seen end-on; 0 where there is none."""
-    nearest = 0.0
+    # Bits of floats >= 0 sort as the floats do; LLVM takes the largest of several integers at once, of floats it does not.
+    nearest = np.int64(0)
     for i in range(view.shape[1]):
         p = ux * view[1, i] - uy * view[0, i]
         q = ux * view[3, i] - uy * view[2, i]
-        nearness = (q - p) * view[4, i] if (p <= 0.0) & (q >= 0.0) else 0.0
-        nearest = nearness if nearness > nearest else nearest
-    return nearest
+        nearness = (q - p) * view[4, i]
+        bits = np.float64(nearness if (p <= 0.0) & (q >= 0.0) else 0.0).view(np.int64)
+        nearest = bits if bits > nearest else nearest
+    return np.int64(nearest).view(np.float64)
 
 
 @njit("boolean(float64[:, ::1])", cache=True)
