@@ -36,6 +36,7 @@ $$y = 2x \tag{1}$$
 ```{code-cell} ipython3
 import sys, uuid, warnings
 from IPython.display import HTML
+from ipywidgets import IntSlider
 
 class Check:
     def __call__(self, name, function):
@@ -76,6 +77,7 @@ Some more.
 number = uuid.uuid4().hex
 print(object(), {"a", "b", "c"}, sys.prefix)
 warnings.warn("mind the gap")
+display(IntSlider())
 HTML(f"<div id='anim{number}'></div><script>show('{number}')</script>")
 ```
 
@@ -137,6 +139,7 @@ def test_outputs_hold_nothing_of_the_machine_or_the_moment(released):
     assert stderr.text.startswith("cell.py:3: UserWarning: mind the gap")
     number = f"{1:032x}"
     assert page.data["text/html"] == f"<div id='anim{number}'></div><script>show('{number}')</script>"
+    # Nothing of the widget: neither its output nor, in the metadata, its model.
     assert worked.metadata == grader.release.METADATA
     assert "jupytext" not in json.dumps(worked)
 
