@@ -12,7 +12,7 @@ import numpy as np
 
 from course_lib.dr20 import candidates, models
 from course_lib.dr20.constants import ANGLES
-from course_lib.filters import Particles, Step, effective_sample_size, equally_weighted, normalise, systematic
+from course_lib.filters import Particles, Step, effective_sample_size, equally_weighted, normalise
 from course_lib.filters.adaptive import kld_resample
 
 #: Candidates drawn when the cloud does not explain a scan.
