@@ -36,10 +36,12 @@ def best_share_error(distances, weights, share=0.5):
     return float(distances[order] @ kept / cumulative[-1])
 
 
-def energy_score(points, weights, truths):
+def energy_score(points, weights, truths, scale=np.inf):
     """Energy score of a weighted sample, averaged over draws of the truth. Lower is better.
 
-    Strictly proper: no forecast has a lower expected score than the distribution the truth was drawn from.
+    Strictly proper: no forecast has a lower expected score than the distribution the truth was drawn from. It stays so
+    when distances count as d' = s (1 - e^(-d/s)): as they are where they are small, but s at most. Then one who has
+    lost the target is wrong by s, wherever he looks for it.
 
     Parameters
     ----------
@@ -48,6 +50,8 @@ def energy_score(points, weights, truths):
         Normalised.
     truths : ndarray, shape (M, d)
         One true state, or many drawn from the same distribution.
+    scale : float
+        s, in the units of `points`.
 
     Returns
     -------
@@ -56,10 +60,11 @@ def energy_score(points, weights, truths):
 
     References
     ----------
-    T. Gneiting, A. E. Raftery, *Strictly proper scoring rules, prediction, and estimation*, JASA 102, 2007, eq. (22).
+    T. Gneiting, A. E. Raftery, *Strictly proper scoring rules, prediction, and estimation*, JASA 102, 2007, eq. (22);
+    sec. 5.1 for a finite s, as e^(-d/s) is a positive definite kernel.
     """
     points, weights, truths = _contiguous(points, weights, truths)
-    to_truth, to_others = _mean_distances(points, weights, truths)
+    to_truth, to_others = _mean_distances(points, weights, truths, float(scale))
     return float(to_truth.mean() - 0.5 * weights @ to_others)
 
 
@@ -101,7 +106,7 @@ def energy_score_and_rank(points, weights, truth):
     score, rank : float
     """
     points, weights, truths = _contiguous(points, weights, np.atleast_2d(truth))
-    to_truth, to_others = _mean_distances(points, weights, truths)
+    to_truth, to_others = _mean_distances(points, weights, truths, np.inf)
     score = float(to_truth[0] - 0.5 * weights @ to_others)
     # Σ_j w_j |x_i - x_j| has nothing to say for j = i: there the truth stands in, which makes it one point among N + 1.
     depth = to_others + weights * np.linalg.norm(points - truths, axis=1)
@@ -109,6 +114,37 @@ def energy_score_and_rank(points, weights, truth):
         # Two points are equally central. But a filter that is sure of one is right there and nowhere else.
         return score, float(to_truth[0] > 0.0)
     return score, float(weights @ (depth < to_truth[0]))
+
+
+def kernel_score(points, weights, truth):
+    """Kernel score of a weighted sample: from 0, all of it is at the truth, to 1, all of it is at one wrong place.
+
+    Nowhere in particular is 1/2. Strictly proper, and flat about 0: what is wrong by a tenth of the kernel's width is
+    nearly as good as right.
+
+    Parameters
+    ----------
+    points : ndarray, shape (N, d)
+        In units of the kernel's width: k(x, y) = exp(-‖x - y‖² / 2).
+    weights : ndarray, shape (N,)
+        Normalised.
+    truth : ndarray, shape (d,)
+
+    Returns
+    -------
+    float
+        ½ E k(X, X') - E k(X, y) + ½. Costs O(N²).
+
+    References
+    ----------
+    T. Gneiting, A. E. Raftery, *Strictly proper scoring rules, prediction, and estimation*, JASA 102, 2007, sec. 5.1.
+    """
+    points, weights = np.asarray(points, dtype=float), np.asarray(weights, dtype=float)
+    offsets = points - truth
+    squares = (offsets**2).sum(axis=1)
+    # Far away what is left of the difference is rounding, of either sign.
+    between = np.exp(np.minimum(offsets @ offsets.T - 0.5 * (squares[:, None] + squares), 0.0))
+    return float(max(0.5 * weights @ between @ weights - weights @ np.exp(-0.5 * squares) + 0.5, 0.0))
 
 
 def nees(gaussian, truths, angles=()):
@@ -162,8 +198,13 @@ def _contiguous(*arrays):
     return (np.ascontiguousarray(array, dtype=float) for array in arrays)
 
 
-@njit("Tuple((float64[::1], float64[::1]))(float64[:, ::1], float64[::1], float64[:, ::1])", cache=True)
-def _mean_distances(points, weights, truths):
+@njit("float64(float64, float64)", cache=True, inline="always")
+def _counted(distance, scale):
+    return scale * -np.expm1(-distance / scale) if scale < np.inf else distance
+
+
+@njit("Tuple((float64[::1], float64[::1]))(float64[:, ::1], float64[::1], float64[:, ::1], float64)", cache=True)
+def _mean_distances(points, weights, truths, scale):
     """Weighted mean distance of the points to each truth (M,) and to each point (N,)."""
     n, d = points.shape
     to_truth = np.zeros(truths.shape[0])
@@ -173,12 +214,12 @@ def _mean_distances(points, weights, truths):
             square = 0.0
             for c in range(d):
                 square += (points[i, c] - truths[m, c]) ** 2
-            to_truth[m] += weights[i] * np.sqrt(square)
+            to_truth[m] += weights[i] * _counted(np.sqrt(square), scale)
         for j in range(i):
             square = 0.0
             for c in range(d):
                 square += (points[i, c] - points[j, c]) ** 2
-            distance = np.sqrt(square)
+            distance = _counted(np.sqrt(square), scale)
             to_others[i] += weights[j] * distance
             to_others[j] += weights[i] * distance
     return to_truth, to_others

@@ -12,7 +12,7 @@ from scipy.spatial.distance import cdist
 from scipy.stats import binomtest, chi2, chisquare, kstest, multivariate_normal, norm
 
 from course_lib.filters import Gaussian, Particles, covariance, equally_weighted, mean, normalise
-from course_lib.scoring import best_share_error, energy_score, nees, region_rank, thin
+from course_lib.scoring import best_share_error, energy_score, kernel_score, nees, region_rank, thin
 
 FALSE_ALARM = 1e-6
 
@@ -71,6 +71,9 @@ def test_energy_score_is_its_definition(n, truths, dimensions, seed):
     weights /= weights.sum()
     expected = (weights @ cdist(points, truths)).mean() - 0.5 * weights @ cdist(points, points) @ weights
     assert energy_score(points, weights, truths) == pytest.approx(expected)
+    to_truth, to_others = (0.7 * (1.0 - np.exp(-cdist(points, others) / 0.7)) for others in (truths, points))
+    expected = (weights @ to_truth).mean() - 0.5 * weights @ to_others @ weights
+    assert energy_score(points, weights, truths, scale=0.7) == pytest.approx(expected)
 
 
 def test_energy_score_of_one_point_is_its_distance():
@@ -99,6 +102,44 @@ def test_no_forecast_scores_better_than_the_truths_own_distribution(shift, scale
     assert scores(sample).mean() == pytest.approx(energy_score(sample, equal(1000), truths))
     loss = scores(shift + scale * sample) - scores(sample)
     assert norm.sf(loss.mean() / (loss.std() / np.sqrt(len(loss)))) < FALSE_ALARM
+
+
+def test_where_distances_count_no_more_than_the_scale_one_cannot_be_more_wrong():
+    points, truth = np.zeros((1, 2)), np.array([[30.0, 40.0]])
+    assert energy_score(points, [1.0], truth) == pytest.approx(50.0)
+    assert energy_score(points, [1.0], truth, scale=0.3) == pytest.approx(0.3)
+    assert energy_score(points, [1.0], [[3e-4, 4e-4]], scale=0.3) == pytest.approx(5e-4, rel=1e-3)
+    # In two places at once, both of them wrong, costs half as much; in neither in particular, too.
+    assert energy_score([[0.0, 0.0], [9.0, 9.0]], equal(2), truth, scale=0.3) == pytest.approx(0.3 * 0.75)
+
+
+# kernel score
+
+
+@given(st.integers(1, 12), st.integers(1, 4), st.integers(0, 2**32 - 1))
+def test_kernel_score_is_its_definition(n, dimensions, seed):
+    rng = np.random.default_rng(seed)
+    points, truth, weights = rng.normal(size=(n, dimensions)), rng.normal(size=dimensions), rng.random(n)
+    weights /= weights.sum()
+
+    def kernel(a, b):
+        return np.exp(-0.5 * cdist(a, b) ** 2)
+
+    expected = 0.5 * weights @ kernel(points, points) @ weights - weights @ kernel(points, truth[None])[:, 0] + 0.5
+    assert kernel_score(points, weights, truth) == pytest.approx(expected, abs=1e-12)
+
+
+def test_kernel_score_between_right_and_wrong():
+    truth = np.array([1.0, 2.0])
+    assert kernel_score([truth], [1.0], truth) == 0.0
+    assert kernel_score([truth + 1e8], [1.0], truth) == pytest.approx(1.0)
+    assert kernel_score(truth + 1e8 + np.random.default_rng(9).normal(size=(50, 2)), equal(50), truth) <= 1.0
+    nowhere = 1e3 * np.random.default_rng(37).random((1000, 2))
+    assert kernel_score(nowhere, equal(1000), truth) == pytest.approx(0.5, abs=1e-2)
+    assert kernel_score([truth + 0.1], [1.0], truth) == pytest.approx(0.01, rel=1e-2)
+    # To bet on one of two places that are equally likely costs more than to say that one does not know.
+    honest = kernel_score([truth, truth + 9.0], equal(2), truth)
+    assert honest == pytest.approx(0.25) and honest < 0.5 * (0.0 + 1.0)
 
 
 def test_two_centres_game_the_best_half_and_not_the_energy_score():
