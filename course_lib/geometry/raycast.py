@@ -1,8 +1,10 @@
 """How far it is along a ray to the nearest wall: exactly, for many rays and some dozens of walls.
 
-A ray o + t u meets the wall from a to b where t = (p × q) / (u × q - u × p), with p = a - o and q = b - o. The ray is between the
-two ends when u × p and u × q have opposite signs. Ends are judged by this sign alone, and the two walls that share an end compute it from
-the same numbers: no ray slips between them. p × q has nothing to do with u, so all rays of one origin share it.
+A ray o + t u meets the wall from a to b at t = (p × q) / (u × q - u × p), where p = a - o and q = b - o, if u × p and
+u × q have opposite signs. These signs alone decide about ends, and two walls that share one compute its sign from the
+same numbers: no ray slips between them. p × q is the same for all rays of an origin, so what is left of a ray and a wall
+is two products, their signs, and the larger of two 1 / t. Of a wall seen end-on, where t is one rounding error by
+another, or 0 / 0, the ray meets the point interpolated between the ends.
 """
 
 import math
@@ -14,7 +16,7 @@ from numba import njit
 #: An origin this near to a wall, in metres, is on it.
 ON_WALL = 1e-12
 
-#: A wall whose p × q is at most this part of p² + q² is seen end-on: t would be a quotient of two rounding errors.
+#: A wall whose p × q is at most this part of p² + q² is seen end-on.
 _END_ON = 1e-6
 
 #: A component of a direction that is smaller is none: cos(π/2) is 6e-17, and the ray along a wall would miss it.
@@ -43,21 +45,20 @@ def cast(origins, angles, walls, limit=np.inf, parallel=False):
     Returns
     -------
     ndarray, shape (N, B)
-        Metres to the nearest wall; inf where there is none within `limit`, 0 from an origin on a wall. A ray along a wall
-        meets its nearest point.
+        Metres to the nearest wall; inf where there is none within `limit`, 0 from an origin on a wall. A ray along a
+        wall meets its nearest point.
 
     Raises
     ------
     ValueError
-        If a shape does not fit.
+        If a shape does not fit, a number is not finite, or `limit` is not a number >= 0.
     """
-    origins, walls = _rows(origins, 2, "origins"), _rows(walls, 4, "walls")
-    angles = np.ascontiguousarray(angles, dtype=np.float64)
-    if angles.ndim != 2 or len(angles) != len(origins):
-        raise ValueError(f"angles: shape {angles.shape} must be ({len(origins)}, B), a row for each origin")
+    origins, angles, walls = _rows(origins, 2, "origins"), _rows(angles, None, "angles"), _rows(walls, 4, "walls")
+    if len(angles) != len(origins):
+        raise ValueError(f"angles: {len(angles)} rows, origins: {len(origins)}; each origin needs a row of angles")
     ranges = np.empty(angles.shape)
     kernel = _cast_parallel if parallel else cast_into
-    kernel(origins, angles, walls, float(limit), ranges)
+    kernel(origins, angles, walls, _limit(limit), ranges)
     return ranges
 
 
@@ -81,26 +82,41 @@ def cast_fan(poses, bearings, walls, limit=np.inf, parallel=False):
     Raises
     ------
     ValueError
-        If a shape does not fit.
+        As of `cast`.
     """
-    poses, walls = _rows(poses, 3, "poses"), _rows(walls, 4, "walls")
-    bearings = np.ascontiguousarray(bearings, dtype=np.float64)
-    if bearings.ndim != 1:
-        raise ValueError(f"bearings: shape {bearings.shape} must be (B,)")
+    poses, bearings, walls = _rows(poses, 3, "poses"), _rows([bearings], None, "bearings")[0], _rows(walls, 4, "walls")
     ranges = np.empty((len(poses), len(bearings)))
     kernel = _fan_parallel if parallel else fan_into
-    kernel(poses, bearings, walls, float(limit), ranges)
+    kernel(poses, bearings, walls, _limit(limit), ranges)
     return ranges
 
 
 def _rows(values, columns, name):
     array = np.ascontiguousarray(values, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != columns:
-        raise ValueError(f"{name}: shape {array.shape} must be (any number, {columns})")
+    if array.ndim != 2 or columns not in (None, array.shape[1]):
+        raise ValueError(f"{name}: shape {array.shape} must be (any number, {columns or 'any number'})")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: row {np.flatnonzero(~np.isfinite(array).all(axis=1))[0]} is not finite")
     return array
 
 
-@njit("int64(float64, float64, float64[:, ::1], float64[:, ::1])", fastmath={"nnan", "nsz"}, error_model="numpy", cache=True)
+def _limit(limit):
+    if not limit >= 0.0:
+        raise ValueError(f"limit: {limit} must be a range in metres, 0 or more")
+    return float(limit)
+
+
+@njit("float64(float64)", cache=True)
+def _rounded(component):
+    return 0.0 if abs(component) < _ROUNDING else component
+
+
+@njit(
+    "int64(float64, float64, float64[:, ::1], float64[:, ::1])",
+    fastmath={"nnan", "nsz"},
+    error_model="numpy",
+    cache=True,
+)
 def _seen_from(x, y, corners, view):
     """Fill `view` with p, q (in the order in which p × q > 0) and 1 / (p × q) of each wall; count those seen end-on."""
     end_on = 0
@@ -124,7 +140,7 @@ def _seen_from(x, y, corners, view):
 @njit("float64(float64, float64, float64[:, ::1])", fastmath={"nnan", "nsz"}, cache=True)
 def _nearness(ux, uy, view):
     """1 / t of the nearest wall that is not seen end-on; 0 where there is none."""
-    # Bits of floats >= 0 sort as the floats do; LLVM takes the largest of several integers at once, of floats it does not.
+    # As integers, the bits of floats >= 0 sort as the floats do, and LLVM vectorises the largest of integers only.
     nearest = np.int64(0)
     for i in range(view.shape[1]):
         p = ux * view[1, i] - uy * view[0, i]
@@ -164,36 +180,29 @@ def _end_on_range(ux, uy, view):
     return nearest
 
 
-@njit("float64(float64, float64, float64, float64[:, ::1], boolean)", cache=True)
-def _range(ux, uy, limit, view, end_on):
-    ux = 0.0 if abs(ux) < _ROUNDING else ux
-    uy = 0.0 if abs(uy) < _ROUNDING else uy
-    nearest = _nearness(ux, uy, view)
-    t = 1.0 / nearest if nearest > 0.0 else math.inf
-    if end_on:
-        t = min(t, _end_on_range(ux, uy, view))
-    return t if t <= limit else math.inf
-
-
-@njit("void(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64, float64[:, ::1])", cache=True)
+@njit(
+    "void(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64, float64[:, ::1])", error_model="numpy", cache=True
+)
 def cast_into(origins, angles, walls, limit, ranges):
-    """`cast` for use in other kernels: fills `ranges`, shape (N, B)."""
-    corners = np.ascontiguousarray(walls.T)
-    view = np.empty((5, len(walls)))
+    """`cast` for other kernels: fills `ranges`, shape (N, B), and checks nothing."""
+    corners, view = np.ascontiguousarray(walls.T), np.empty((5, len(walls)))
     for n in range(len(origins)):
         end_on = _seen_from(origins[n, 0], origins[n, 1], corners, view) > 0
         if end_on and _on_wall(view):
             ranges[n] = 0.0
             continue
         for k in range(angles.shape[1]):
-            ranges[n, k] = _range(math.cos(angles[n, k]), math.sin(angles[n, k]), limit, view, end_on)
+            ux, uy = _rounded(math.cos(angles[n, k])), _rounded(math.sin(angles[n, k]))
+            t = 1.0 / _nearness(ux, uy, view)
+            if end_on:
+                t = min(t, _end_on_range(ux, uy, view))
+            ranges[n, k] = t if t <= limit else math.inf
 
 
-@njit("void(float64[:, ::1], float64[::1], float64[:, ::1], float64, float64[:, ::1])", cache=True)
+@njit("void(float64[:, ::1], float64[::1], float64[:, ::1], float64, float64[:, ::1])", error_model="numpy", cache=True)
 def fan_into(poses, bearings, walls, limit, ranges):
-    """`cast_fan` for use in other kernels: fills `ranges`, shape (N, B)."""
-    corners = np.ascontiguousarray(walls.T)
-    view = np.empty((5, len(walls)))
+    """`cast_fan` for other kernels: fills `ranges`, shape (N, B), and checks nothing."""
+    corners, view = np.ascontiguousarray(walls.T), np.empty((5, len(walls)))
     cosines, sines = np.cos(bearings), np.sin(bearings)
     for n in range(len(poses)):
         end_on = _seen_from(poses[n, 0], poses[n, 1], corners, view) > 0
@@ -202,8 +211,11 @@ def fan_into(poses, bearings, walls, limit, ranges):
             continue
         c, s = math.cos(poses[n, 2]), math.sin(poses[n, 2])
         for k in range(len(bearings)):
-            ux, uy = c * cosines[k] - s * sines[k], s * cosines[k] + c * sines[k]
-            ranges[n, k] = _range(ux, uy, limit, view, end_on)
+            ux, uy = _rounded(c * cosines[k] - s * sines[k]), _rounded(s * cosines[k] + c * sines[k])
+            t = 1.0 / _nearness(ux, uy, view)
+            if end_on:
+                t = min(t, _end_on_range(ux, uy, view))
+            ranges[n, k] = t if t <= limit else math.inf
 
 
 @njit(parallel=True, cache=True)
