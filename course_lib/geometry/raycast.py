@@ -2,8 +2,8 @@
 
 A ray o + t u meets the wall from a to b at t = (p × q) / (u × q - u × p), where p = a - o and q = b - o, if u × p and
 u × q have opposite signs. These signs alone decide about ends, and two walls that share one compute its sign from the
-same numbers: no ray slips between them. p × q is the same for all rays of an origin, so what is left of a ray and a wall
-is two products, their signs, and the larger of two 1 / t. Of a wall seen end-on, where t is one rounding error by
+same numbers: no ray slips between them. p × q is the same for all rays of an origin, so what is left of a ray and a
+wall is two products, their signs, and the larger of two 1 / t. Of a wall seen end-on, where t is one rounding error by
 another, or 0 / 0, the ray meets the point interpolated between the ends.
 """
 
