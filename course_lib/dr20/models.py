@@ -228,8 +228,11 @@ def beam_log_likelihood(readings, expected, sigma, r_max, p_short, rate_short, p
                 p = p_miss + p_hit * 0.5 * math.erfc((r_max - d) / (sigma * np.sqrt(2.0)))
                 if p_short > 0.0 and d > r_max:
                     p += p_short * (np.exp(-rate_short * r_max) - np.exp(-rate_short * d)) / -np.expm1(-rate_short * d)
-            likelihood *= p
             # A product of many small densities would underflow; one logarithm for several of them is enough.
+            if p < 1e-100:
+                log_scale += np.log(p)
+            else:
+                likelihood *= p
             if likelihood < 1e-200:
                 log_scale += np.log(likelihood)
                 likelihood = 1.0
