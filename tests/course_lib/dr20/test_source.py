@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from course_lib.angles import circular_mean
-from course_lib.dr20 import maps, models, source, success
+from course_lib.dr20 import listing, maps, models, source, success
 from course_lib.dr20.constants import Constants, Hidden
 from course_lib.dr20.world import World
 from course_lib.filters import Particles, Step, equally_weighted
@@ -17,7 +17,7 @@ from course_lib.geometry.polygons import inside
 from course_lib.recording import replay
 
 SHEET = Constants()
-LINES = source.half_metre_lines(SHEET)
+LINES = listing.half_metre_lines(SHEET)
 CONTROL = np.array([0.5, 0.25])
 SCAN = np.array([0.9, 1.0, 1.6, 1.3, 0.8])
 #: The report's weights and everything else put right.
@@ -56,28 +56,28 @@ def stepped(choices, states, observation=SCAN, seed=0, **memory):
 
 
 def test_the_assignments_printed_scan():
-    ranges = source.detect_obstacles(2.3297, 0.4813, np.radians(0.35), LINES)
+    ranges = listing.detect_obstacles(2.3297, 0.4813, np.radians(0.35), LINES)
     # The heading is known to a hundredth of a degree only.
     np.testing.assert_allclose(ranges, [0.4813, 0.6849, 2.6704, 0.9539, 0.5187], atol=2e-4)
 
 
 def test_the_listings_rays_are_exact_inside_the_room():
     states = anywhere(500, 1)
-    listing = [source.detect_obstacles(*state, LINES) for state in states]
-    np.testing.assert_allclose(listing, source.distances(states, SHEET), atol=1e-12)
+    expected = [listing.detect_obstacles(*state, LINES) for state in states]
+    np.testing.assert_allclose(expected, source.distances(states, SHEET), atol=1e-12)
 
 
 def test_rays_along_the_axes_do_not_divide_by_zero():
     for heading in (-np.pi, -np.pi / 2, 0.0, np.pi / 2, np.pi):
-        listing = source.detect_obstacles(0.7, 4.2, heading, LINES)
-        np.testing.assert_allclose(listing, source.distances(np.array([[0.7, 4.2, heading]]), SHEET)[0], atol=1e-12)
+        expected = listing.detect_obstacles(0.7, 4.2, heading, LINES)
+        np.testing.assert_allclose(expected, source.distances(np.array([[0.7, 4.2, heading]]), SHEET)[0], atol=1e-12)
 
 
 def test_outside_the_room_the_array_form_sees_nothing_where_the_listing_sees_the_wall_behind():
     state = np.array([[-0.1, 2.5, np.pi]])
-    assert source.detect_obstacles(*state[0], LINES)[2] == pytest.approx(0.1)
+    assert listing.detect_obstacles(*state[0], LINES)[2] == pytest.approx(0.1)
     assert source.distances(state, SHEET)[0, 2] == pytest.approx(np.hypot(100.1, 97.5))
-    assert source.detect_obstacles(5.1, 2.5, 0.0, LINES)[2] == pytest.approx(np.hypot(94.9, 97.5))
+    assert listing.detect_obstacles(5.1, 2.5, 0.0, LINES)[2] == pytest.approx(np.hypot(94.9, 97.5))
 
 
 def test_the_array_form_is_the_listing_draw_by_draw():
@@ -90,7 +90,7 @@ def test_the_array_form_is_the_listing_draw_by_draw():
         states[:, :2] = np.clip(states[:, :2], 0.3, 4.7)
         step = Step(step.posterior, step.memory._replace(states=states))
         observation, control = run.observations[k], run.controls[k]
-        estimate, px, pw, slow, fast = source.pf_localization(
+        estimate, px, pw, slow, fast = listing.pf_localization(
             states.T, np.zeros((1, n)), slow, fast, observation, control, LINES, SHEET, np.random.default_rng(k)
         )
         step = estimator(step, observation, control, SHEET, np.random.default_rng(k))
@@ -104,10 +104,10 @@ def test_an_exact_match_has_an_infinite_weight_and_ends_both():
     silent, states = replace(SHEET, sigma_v=0.0, sigma_omega=0.0), anywhere(10, 4, margin=0.5)
     states[:, :2] = [0.75, 0.75]
     moved = states + 0.1 * np.column_stack([0.5 * np.cos(states[:, 2]), 0.5 * np.sin(states[:, 2]), np.full(10, 0.25)])
-    listing = source.detect_obstacles(*moved[3], LINES)
+    scan = listing.detect_obstacles(*moved[3], LINES)
     with pytest.raises(ValueError, match="NaN"):
-        source.pf_localization(
-            states.T, np.zeros((1, 10)), 0.0, 0.0, listing, CONTROL, LINES, silent, np.random.default_rng(0)
+        listing.pf_localization(
+            states.T, np.zeros((1, 10)), 0.0, 0.0, scan, CONTROL, LINES, silent, np.random.default_rng(0)
         )
     exact = source.distances(moved, silent)[3]
     with pytest.raises(ValueError, match="NaN"):
@@ -126,7 +126,7 @@ def test_an_exact_match_has_an_infinite_weight_and_ends_both():
 def test_other_maps_are_for_the_array_form(room, obstacles):
     constants = Constants(room=room, obstacles=obstacles)
     with pytest.raises(ValueError, match="half-metre lines"):
-        source.half_metre_lines(constants)
+        listing.half_metre_lines(constants)
     rng, estimator = np.random.default_rng(5), source.estimator()
     step = estimator(None, None, None, constants, rng)
     step = estimator(step, SCAN, CONTROL, constants, rng)
