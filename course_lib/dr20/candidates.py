@@ -93,7 +93,9 @@ def draw(n, observation, catalogue, constants, rng):
         constants.p_miss,
         constants.p_random,
     )
-    log_share, _ = normalise(blurred)
+    log_share, total = normalise(blurred)
+    if not np.isfinite(total):
+        log_share = np.full(len(blurred), -np.log(len(blurred)))
     cells = multinomial(np.exp(log_share), rng, n)
     states = catalogue.poses[cells]
     size = np.array([SPACING, SPACING, 2.0 * np.pi / HEADINGS])

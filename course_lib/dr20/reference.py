@@ -75,18 +75,21 @@ def Estimator(previous, observation, control, constants, rng):
         return Step(memory.particles, memory)
     memory = previous.memory
     particles = _resampled(memory.particles, rng)
-    states = models.transition(particles.states, control, constants, rng)
-    log_weights = particles.log_weights + models.log_likelihood(observation, states, constants)
+    moved = Particles(models.transition(particles.states, control, constants, rng), particles.log_weights)
+    states = moved.states
+    log_weights = moved.log_weights + models.log_likelihood(observation, states, constants)
     log_evidence = normalise(log_weights)[1]
     first = memory.steps == 0
     if first or not log_evidence > memory.usual - SURPRISE:
-        moved = FIRST if first else max(1.0 - np.exp(-constants.kidnap_rate * constants.Ts), DOUBT)
+        carried = FIRST if first else max(1.0 - np.exp(-constants.kidnap_rate * constants.Ts), DOUBT)
         elsewhere, log_others = candidates.draw(
             CANDIDATES, observation, memory.start if first else memory.map, constants, rng
         )
         states = np.vstack([states, elsewhere])
-        log_weights = np.concatenate([log_weights + np.log1p(-moved), log_others + np.log(moved)])
-    particles = Particles(states, normalise(log_weights)[0])
+        log_weights = np.concatenate([log_weights + np.log1p(-carried), log_others + np.log(carried)])
+    log_weights, total = normalise(log_weights)
+    # A scan that nothing explains, where the model has no place for outliers, is left out.
+    particles = Particles(states, log_weights) if np.isfinite(total) else moved
     usual = memory.usual + FOLLOW * (max(log_evidence, memory.usual - 5.0 * SURPRISE) - memory.usual)
     return Step(particles, memory._replace(particles=particles, usual=usual, steps=memory.steps + 1))
 
