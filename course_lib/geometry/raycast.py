@@ -26,7 +26,7 @@ _ROUNDING = 1e-15
 _BLOCK = 512
 
 
-def cast(origins, angles, walls, limit=np.inf, parallel=False):
+def cast(origins, angles, walls, limit=np.inf):
     """Ranges along rays of any directions.
 
     Parameters
@@ -39,8 +39,6 @@ def cast(origins, angles, walls, limit=np.inf, parallel=False):
         Closed segments x0, y0, x1, y1, in metres. Walls of no length are points.
     limit : float
         The largest range, in metres.
-    parallel : bool
-        Whether to use all threads that numba has.
 
     Returns
     -------
@@ -53,12 +51,15 @@ def cast(origins, angles, walls, limit=np.inf, parallel=False):
     ValueError
         If a shape does not fit, a number is not finite, or `limit` is not a number >= 0.
     """
-    origins, angles, walls = _rows(origins, 2, "origins"), _rows(angles, None, "angles"), _rows(walls, 4, "walls")
+    origins, angles, walls = (
+        finite_rows(origins, 2, "origins"),
+        finite_rows(angles, None, "angles"),
+        finite_rows(walls, 4, "walls"),
+    )
     if len(angles) != len(origins):
         raise ValueError(f"angles: {len(angles)} rows, origins: {len(origins)}; each origin needs a row of angles")
     ranges = np.empty(angles.shape)
-    kernel = _cast_parallel if parallel else cast_into
-    kernel(origins, angles, walls, _limit(limit), ranges)
+    cast_into(origins, angles, walls, _limit(limit), ranges)
     return ranges
 
 
@@ -71,8 +72,10 @@ def cast_fan(poses, bearings, walls, limit=np.inf, parallel=False):
         x, y and heading: metres and radians.
     bearings : ndarray, shape (B,)
         Directions of the rays from the heading, in radians, counter-clockwise.
-    walls, limit, parallel
+    walls, limit
         As of `cast`.
+    parallel : bool
+        Whether to use all threads that numba has.
 
     Returns
     -------
@@ -84,14 +87,19 @@ def cast_fan(poses, bearings, walls, limit=np.inf, parallel=False):
     ValueError
         As of `cast`.
     """
-    poses, bearings, walls = _rows(poses, 3, "poses"), _rows([bearings], None, "bearings")[0], _rows(walls, 4, "walls")
+    poses, bearings, walls = (
+        finite_rows(poses, 3, "poses"),
+        finite_rows([bearings], None, "bearings")[0],
+        finite_rows(walls, 4, "walls"),
+    )
     ranges = np.empty((len(poses), len(bearings)))
     kernel = _fan_parallel if parallel else fan_into
     kernel(poses, bearings, walls, _limit(limit), ranges)
     return ranges
 
 
-def _rows(values, columns, name):
+def finite_rows(values, columns, name):
+    """`values` as C-ordered float64 of so many columns (None: any), or a ValueError that calls it `name`."""
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.ndim != 2 or columns not in (None, array.shape[1]):
         raise ValueError(f"{name}: shape {array.shape} must be (any number, {columns or 'any number'})")
@@ -160,6 +168,8 @@ def _on_wall(view):
             cross = abs(px * qy - py * qx)
             if px * qx + py * qy <= 0.0 and cross <= ON_WALL * math.hypot(qx - px, qy - py):
                 return True
+            if min(math.hypot(px, py), math.hypot(qx, qy)) <= ON_WALL:
+                return True
     return False
 
 
@@ -216,13 +226,6 @@ def fan_into(poses, bearings, walls, limit, ranges):
             if end_on:
                 t = min(t, _end_on_range(ux, uy, view))
             ranges[n, k] = t if t <= limit else math.inf
-
-
-@njit(parallel=True, cache=True)
-def _cast_parallel(origins, angles, walls, limit, ranges):
-    for block in numba.prange((len(origins) + _BLOCK - 1) // _BLOCK):
-        rows = slice(block * _BLOCK, min(len(origins), (block + 1) * _BLOCK))
-        cast_into(origins[rows], angles[rows], walls, limit, ranges[rows])
 
 
 @njit(parallel=True, cache=True)
