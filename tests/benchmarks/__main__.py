@@ -13,6 +13,7 @@ from tests.benchmarks import (
     beacon_speed,
     drawn,
     overhead,
+    raycasting,
     recorded,
     sequential,
     speed,
@@ -33,6 +34,7 @@ BENCHMARKS = {
     "recorded": (recorded.recorded, 5),
     "beacon": (beacon_accuracy.beacon, 200),
     "beacon-speed": (beacon_speed.beacon_speed, 3),
+    "raycasting": (raycasting.raycasting, 9),
 }
 
 
