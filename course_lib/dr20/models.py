@@ -109,6 +109,27 @@ def transition(states, control, constants, rng):
     return states
 
 
+@njit(_ROWS(_ROWS, _FLOAT, _ROWS), cache=True)
+def _in_reach(states, margin, walls):
+    """The walls that any of the robots may touch: those of a cloud in one spot are few."""
+    low_x = low_y = np.inf
+    high_x = high_y = -np.inf
+    for i in range(len(states)):
+        low_x, high_x = min(low_x, states[i, 0]), max(high_x, states[i, 0])
+        low_y, high_y = min(low_y, states[i, 1]), max(high_y, states[i, 1])
+    kept, count = np.empty_like(walls), 0
+    for j in range(len(walls)):
+        if (
+            max(walls[j, 0], walls[j, 2]) >= low_x - margin
+            and min(walls[j, 0], walls[j, 2]) <= high_x + margin
+            and max(walls[j, 1], walls[j, 3]) >= low_y - margin
+            and min(walls[j, 1], walls[j, 3]) <= high_y + margin
+        ):
+            kept[count] = walls[j]
+            count += 1
+    return kept[:count]
+
+
 @njit(types.void(_ROWS, _COLUMN, _COLUMN, _FLOAT, _ROWS, _FLOAT), cache=True)
 def drive(states, speeds, yaw_rates, Ts, walls, radius):
     """Drive robots for one sampling time; changes `states` in place.
@@ -126,6 +147,7 @@ def drive(states, speeds, yaw_rates, Ts, walls, radius):
     radius : float
         Of the robot, in metres.
     """
+    near = _in_reach(states, np.abs(speeds).max() * Ts + radius if len(speeds) else 0.0, walls)
     for i in range(len(states)):
         half = 0.5 * yaw_rates[i] * Ts
         # An arc from θ to θ + ωT has the chord v T sin(ωT/2) / (ωT/2) along θ + ωT/2                             (1)
@@ -134,7 +156,7 @@ def drive(states, speeds, yaw_rates, Ts, walls, radius):
         dx, dy = np.cos(direction), np.sin(direction)
         if chord < 0.0:
             chord, dx, dy = -chord, -dx, -dy
-        chord = reach(states[i, 0], states[i, 1], dx, dy, chord, walls, radius)
+        chord = reach(states[i, 0], states[i, 1], dx, dy, chord, near, radius)
         states[i, 0] += chord * dx
         states[i, 1] += chord * dy
         heading = states[i, 2] + 2.0 * half
@@ -210,6 +232,13 @@ def beam_log_likelihood(readings, expected, sigma, r_max, p_short, rate_short, p
     """
     p_hit = 1.0 - p_short - p_miss - p_random
     peak = p_hit / (sigma * np.sqrt(2.0 * np.pi))
+    beyond = np.exp(-rate_short * r_max)
+    # What does not depend on the particle: the reading uniform, and the reading short but for its normalisation.
+    anywhere, before = np.zeros(len(readings)), np.zeros(len(readings))
+    for b in range(len(readings)):
+        if 0.0 <= readings[b] <= r_max:
+            anywhere[b] = p_random / r_max
+            before[b] = p_short * rate_short * np.exp(-rate_short * readings[b])
     result = np.empty(len(expected))
     for i in range(len(expected)):
         likelihood, log_scale = 1.0, 0.0
@@ -218,16 +247,14 @@ def beam_log_likelihood(readings, expected, sigma, r_max, p_short, rate_short, p
             if z < np.inf:
                 # p(z | d) = p_hit N(z; d, σ²) + p_short λ e^{-λz} / (1 - e^{-λd}) [0 ≤ z ≤ d] + p_random / r_max  (5)
                 deviation = (z - d) / sigma
-                p = peak * np.exp(-0.5 * deviation * deviation)
-                if 0.0 <= z <= r_max:
-                    p += p_random / r_max
-                    if p_short > 0.0 and z <= d and d > 0.0:
-                        p += p_short * rate_short * np.exp(-rate_short * z) / -np.expm1(-rate_short * d)
+                p = peak * np.exp(-0.5 * deviation * deviation) + anywhere[b]
+                if before[b] > 0.0 and z <= d and d > 0.0:
+                    p += before[b] / (1.0 - np.exp(-rate_short * d))
             else:
                 # P(∞ | d) = p_miss + p_hit Φ((d - r_max) / σ) + p_short P(short and beyond r_max)                 (6)
                 p = p_miss + p_hit * 0.5 * math.erfc((r_max - d) / (sigma * np.sqrt(2.0)))
                 if p_short > 0.0 and d > r_max:
-                    p += p_short * (np.exp(-rate_short * r_max) - np.exp(-rate_short * d)) / -np.expm1(-rate_short * d)
+                    p += p_short * (beyond - np.exp(-rate_short * d)) / (1.0 - np.exp(-rate_short * d))
             # A product of many small densities would underflow; one logarithm for several of them is enough.
             if p < 1e-100:
                 log_scale += np.log(p)
