@@ -11,6 +11,8 @@ from tests.benchmarks import (
     beacon_accuracy,
     beacon_planning,
     beacon_speed,
+    dr20_accuracy,
+    dr20_speed,
     drawn,
     overhead,
     raycasting,
@@ -34,6 +36,8 @@ BENCHMARKS = {
     "recorded": (recorded.recorded, 5),
     "beacon": (beacon_accuracy.beacon, 200),
     "beacon-speed": (beacon_speed.beacon_speed, 3),
+    "dr20": (dr20_accuracy.dr20, 200),
+    "dr20-speed": (dr20_speed.dr20_speed, 5),
     "raycasting": (raycasting.raycasting, 9),
 }
 
