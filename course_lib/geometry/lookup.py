@@ -1,4 +1,4 @@
-"""Ranges read from a table: the nearest of many poses that were cast beforehand.
+"""Ranges read from a table: the nearest of many poses that were cast before.
 
 Its error is of two kinds. Where neighbouring poses see the same wall it shrinks with the cells: about half a cell, and
 half a step of direction times the range, more if the ray is slanted to the wall. At a silhouette edge, where a ray just

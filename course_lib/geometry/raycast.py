@@ -89,7 +89,7 @@ def cast_fan(poses, bearings, walls, limit=np.inf, parallel=False):
     """
     poses, bearings, walls = (
         finite_rows(poses, 3, "poses"),
-        finite_rows([bearings], None, "bearings")[0],
+        finite_rows(np.asarray(bearings)[None], None, "bearings")[0],
         finite_rows(walls, 4, "walls"),
     )
     ranges = np.empty((len(poses), len(bearings)))
@@ -121,7 +121,6 @@ def _rounded(component):
 
 @njit(
     "int64(float64, float64, float64[:, ::1], float64[:, ::1])",
-    fastmath={"nnan", "nsz"},
     error_model="numpy",
     cache=True,
 )
@@ -145,10 +144,10 @@ def _seen_from(x, y, corners, view):
     return end_on
 
 
-@njit("float64(float64, float64, float64[:, ::1])", fastmath={"nnan", "nsz"}, cache=True)
+@njit("float64(float64, float64, float64[:, ::1])", cache=True)
 def _nearness(ux, uy, view):
     """1 / t of the nearest wall that is not seen end-on; 0 where there is none."""
-    # As integers, the bits of floats >= 0 sort as the floats do, and LLVM vectorises the largest of integers only.
+    # The bits of floats >= 0 sort as the floats do. Without fast-math, LLVM vectorises the largest of integers only.
     nearest = np.int64(0)
     for i in range(view.shape[1]):
         p = ux * view[1, i] - uy * view[0, i]
@@ -159,34 +158,31 @@ def _nearness(ux, uy, view):
     return np.int64(nearest).view(np.float64)
 
 
-@njit("boolean(float64[:, ::1])", cache=True)
-def _on_wall(view):
-    """Whether the origin is on one of the walls that it sees end-on."""
-    for i in range(view.shape[1]):
-        if view[4, i] == 0.0:
-            px, py, qx, qy = view[0, i], view[1, i], view[2, i], view[3, i]
-            cross = abs(px * qy - py * qx)
-            if px * qx + py * qy <= 0.0 and cross <= ON_WALL * math.hypot(qx - px, qy - py):
-                return True
-            if min(math.hypot(px, py), math.hypot(qx, qy)) <= ON_WALL:
-                return True
+@njit("boolean(float64[:, ::1], int64[::1])", cache=True)
+def _on_wall(view, end_on):
+    """Whether the origin is on one of the walls that it sees end-on, whose indices are given."""
+    for i in end_on:
+        px, py, qx, qy = view[0, i], view[1, i], view[2, i], view[3, i]
+        if px * qx + py * qy <= 0.0 and abs(px * qy - py * qx) <= ON_WALL * math.hypot(qx - px, qy - py):
+            return True
+        if min(math.hypot(px, py), math.hypot(qx, qy)) <= ON_WALL:
+            return True
     return False
 
 
-@njit("float64(float64, float64, float64[:, ::1])", cache=True)
-def _end_on_range(ux, uy, view):
+@njit("float64(float64, float64, float64[:, ::1], int64[::1])", cache=True)
+def _end_on_range(ux, uy, view, end_on):
     """Metres to the nearest of the walls seen end-on, by interpolation between the two ends."""
     nearest = math.inf
-    for i in range(view.shape[1]):
-        if view[4, i] == 0.0:
-            p = ux * view[1, i] - uy * view[0, i]
-            q = ux * view[3, i] - uy * view[2, i]
-            if min(p, q) <= 0.0 <= max(p, q):
-                along_p = ux * view[0, i] + uy * view[1, i]
-                along_q = ux * view[2, i] + uy * view[3, i]
-                t = (q * along_p - p * along_q) / (q - p) if p != q else min(along_p, along_q)
-                if t >= 0.0:
-                    nearest = min(nearest, t)
+    for i in end_on:
+        p = ux * view[1, i] - uy * view[0, i]
+        q = ux * view[3, i] - uy * view[2, i]
+        if min(p, q) <= 0.0 <= max(p, q):
+            along_p = ux * view[0, i] + uy * view[1, i]
+            along_q = ux * view[2, i] + uy * view[3, i]
+            t = (q * along_p - p * along_q) / (q - p) if p != q else min(along_p, along_q)
+            if t >= 0.0:
+                nearest = min(nearest, t)
     return nearest
 
 
@@ -196,16 +192,19 @@ def _end_on_range(ux, uy, view):
 def cast_into(origins, angles, walls, limit, ranges):
     """`cast` for other kernels: fills `ranges`, shape (N, B), and checks nothing."""
     corners, view = np.ascontiguousarray(walls.T), np.empty((5, len(walls)))
+    end_on = np.empty(len(walls), dtype=np.int64)
     for n in range(len(origins)):
-        end_on = _seen_from(origins[n, 0], origins[n, 1], corners, view) > 0
-        if end_on and _on_wall(view):
-            ranges[n] = 0.0
-            continue
+        count = _seen_from(origins[n, 0], origins[n, 1], corners, view)
+        if count > 0:
+            end_on[:count] = np.flatnonzero(view[4] == 0.0)
+            if _on_wall(view, end_on[:count]):
+                ranges[n] = 0.0
+                continue
         for k in range(angles.shape[1]):
             ux, uy = _rounded(math.cos(angles[n, k])), _rounded(math.sin(angles[n, k]))
             t = 1.0 / _nearness(ux, uy, view)
-            if end_on:
-                t = min(t, _end_on_range(ux, uy, view))
+            if count > 0:
+                t = min(t, _end_on_range(ux, uy, view, end_on[:count]))
             ranges[n, k] = t if t <= limit else math.inf
 
 
@@ -213,18 +212,21 @@ def cast_into(origins, angles, walls, limit, ranges):
 def fan_into(poses, bearings, walls, limit, ranges):
     """`cast_fan` for other kernels: fills `ranges`, shape (N, B), and checks nothing."""
     corners, view = np.ascontiguousarray(walls.T), np.empty((5, len(walls)))
+    end_on = np.empty(len(walls), dtype=np.int64)
     cosines, sines = np.cos(bearings), np.sin(bearings)
     for n in range(len(poses)):
-        end_on = _seen_from(poses[n, 0], poses[n, 1], corners, view) > 0
-        if end_on and _on_wall(view):
-            ranges[n] = 0.0
-            continue
+        count = _seen_from(poses[n, 0], poses[n, 1], corners, view)
+        if count > 0:
+            end_on[:count] = np.flatnonzero(view[4] == 0.0)
+            if _on_wall(view, end_on[:count]):
+                ranges[n] = 0.0
+                continue
         c, s = math.cos(poses[n, 2]), math.sin(poses[n, 2])
         for k in range(len(bearings)):
             ux, uy = _rounded(c * cosines[k] - s * sines[k]), _rounded(s * cosines[k] + c * sines[k])
             t = 1.0 / _nearness(ux, uy, view)
-            if end_on:
-                t = min(t, _end_on_range(ux, uy, view))
+            if count > 0:
+                t = min(t, _end_on_range(ux, uy, view, end_on[:count]))
             ranges[n, k] = t if t <= limit else math.inf
 
 
