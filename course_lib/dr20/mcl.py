@@ -102,7 +102,8 @@ def localizer(choices):
         log_weights, log_mean = normalise(particles.log_weights + log_likelihood)
         if choices.alphas is not None:
             memory = memory._replace(running=averages(memory.running, log_mean, *choices.alphas))
-        return Step(Particles(states, log_weights), memory)
+        # A scan that no particle can explain is left out.
+        return Step(Particles(states, log_weights if log_mean > -np.inf else particles.log_weights), memory)
 
     return Estimator
 

@@ -241,7 +241,7 @@ def beam_log_likelihood(readings, expected, sigma, r_max, p_short, rate_short, p
             before[b] = p_short * rate_short * np.exp(-rate_short * readings[b])
     result = np.empty(len(expected))
     for i in range(len(expected)):
-        likelihood, log_scale = 1.0, 0.0
+        likelihood, log_scale, deviation = 1.0, 0.0, 0.0
         for b in range(len(readings)):
             z, d = readings[b], expected[i, b]
             if z < np.inf:
@@ -256,7 +256,10 @@ def beam_log_likelihood(readings, expected, sigma, r_max, p_short, rate_short, p
                 if p_short > 0.0 and d > r_max:
                     p += p_short * (beyond - np.exp(-rate_short * d)) / (1.0 - np.exp(-rate_short * d))
             # A product of many small densities would underflow; one logarithm for several of them is enough.
-            if p < 1e-100:
+            if p < 1e-280 and z < np.inf:
+                # Nor is a reading impossible that is 40 σ off: so far away, particles must still differ.
+                log_scale += np.log(peak) - 0.5 * deviation * deviation
+            elif p < 1e-100:
                 log_scale += np.log(p)
             else:
                 likelihood *= p

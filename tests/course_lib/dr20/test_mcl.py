@@ -69,3 +69,13 @@ def test_kld_sampling_needs_fewer_when_it_knows_more():
 def test_a_sensor_model_nobody_has_is_refused():
     with pytest.raises(ValueError, match='sensor must be "beam" or "field"'):
         mcl.Choices(sensor="laser")
+
+
+def test_scans_that_nothing_explains_lose_nothing():
+    certain = Constants(p_short=0.0, p_miss=0.0, p_random=0.0, r_max=10.0)
+    for choices in (mcl.Choices(100), mcl.Choices(100, alphas=(0.01, 0.1)), mcl.Choices(300, epsilon=0.05)):
+        estimator, rng = mcl.localizer(choices), np.random.default_rng(9)
+        step = estimator(None, None, None, certain, rng)
+        for scan in ([np.inf] * 5, [1.0, 2.0, 3.0, 0.1, 3.9], [np.inf] * 5):
+            step = estimator(step, np.array(scan), np.array([0.3, 0.1]), certain, rng)
+            assert np.isfinite(mcl.pose(step.posterior)).all()

@@ -188,6 +188,12 @@ def test_many_beams_do_not_underflow():
     assert np.isfinite(value).all()
 
 
+def test_particles_far_from_the_truth_still_differ():
+    certain = Constants(**ORACLES["hits only"], sigma=0.01)
+    values = models.log_likelihood(np.full(5, 0.3), np.array([[2.5, 0.5, 0.0], [1.0, 1.0, 0.0]]), certain)
+    assert np.isfinite(values).all() and values[0] != values[1] and values.max() < -1000.0
+
+
 def test_what_cannot_be_is_impossible():
     certain = Constants(**ORACLES["hits only"])
     assert models.log_likelihood([np.inf] * 5, np.array([[2.5, 0.5, 0.0]]), replace(certain, r_max=50.0))[0] == -np.inf

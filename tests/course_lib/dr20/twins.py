@@ -13,14 +13,15 @@ def beam_log_likelihood_numpy(readings, expected, constants):
     finite = np.where(np.isfinite(z), z, 0.0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         truncated = -np.expm1(-c.rate_short * d)
-        hit = p_hit * np.exp(-0.5 * ((finite - d) / c.sigma) ** 2) / (c.sigma * np.sqrt(2.0 * np.pi))
+        log_hit = np.log(p_hit / (c.sigma * np.sqrt(2.0 * np.pi))) - 0.5 * ((finite - d) / c.sigma) ** 2
         short = c.p_short * c.rate_short * np.exp(-c.rate_short * finite) / truncated
         short = np.where((finite >= 0.0) & (finite <= d), short, 0.0)
-        read = hit + short + np.where((finite >= 0.0) & (finite <= c.r_max), c.p_random / c.r_max, 0.0)
+        other = short + np.where((finite >= 0.0) & (finite <= c.r_max), c.p_random / c.r_max, 0.0)
+        log_read = np.logaddexp(log_hit, np.log(other))
         beyond = np.exp(-c.rate_short * c.r_max) - np.exp(-c.rate_short * d)
         missed = p_hit * 0.5 * erfc((c.r_max - d) / (c.sigma * np.sqrt(2.0)))
         missed = c.p_miss + missed + np.where(d > c.r_max, c.p_short * beyond / truncated, 0.0)
-        return np.log(np.where(np.isfinite(z), read, missed)).sum(axis=1)
+        return np.where(np.isfinite(z), log_read, np.log(missed)).sum(axis=1)
 
 
 def drive_numpy(states, speeds, yaw_rates, Ts, walls, radius):
