@@ -149,9 +149,9 @@ class OccupancyGrid:
 
         Returns
         -------
-        tuple of ndarray, each of shape (V, 2)
-            Vertices (m), of which the last is not the first again and none lies between its neighbours on a line. The
-            ring that encloses the largest area comes first.
+        tuple of tuple of (float, float)
+            Vertices (m) of each ring, of which the last is not the first again and none lies between its neighbours on
+            a line. The ring that encloses the largest area comes first.
         """
         rows, columns = np.nonzero(np.isin(self.cells, kinds or (OCCUPIED,)))
         if not len(rows):
@@ -161,7 +161,8 @@ class OccupancyGrid:
         shapes = shapely.get_parts(shapely.coverage_union_all(squares))
         rings = shapely.get_rings(shapes)
         rings = rings[np.argsort(-shapely.area(shapely.polygons(rings)), kind="stable")]
-        return tuple(self.to_world(_corners(shapely.get_coordinates(ring)[:-1])) for ring in rings)
+        corners = (self.to_world(_corners(shapely.get_coordinates(ring)[:-1])) for ring in rings)
+        return tuple(tuple(map(tuple, vertices.tolist())) for vertices in corners)
 
     def cast(self, origins, angles, limit=np.inf, kinds=(OCCUPIED,)):
         """Ranges along rays to the first cell of certain kinds, exactly.

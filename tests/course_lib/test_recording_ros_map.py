@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from course_lib.dr20.constants import Constants, Hidden
+from course_lib.dr20.world import World
 from course_lib.geometry.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from course_lib.geometry.polygons import inside, walls
 from course_lib.recording import RecordingError
 from course_lib.recording.ros_map import read_ros_map, write_ros_map
 
@@ -73,15 +74,17 @@ def test_what_is_written_is_read_again(tmp_path):
 
 
 def test_a_map_is_a_world(tmp_path):
-    """Its free cells are inside the walls of its rings, and no other cell is."""
-    levels = np.full((8, 9), 254, dtype=np.uint8)
-    levels[[0, -1]], levels[:, [0, -1]], levels[3:5, 4] = 0, 0, 0
-    path = write(tmp_path, b"P5 9 8 255\n" + levels.tobytes())
-    grid = read_ros_map(path)
+    """A robot drives in it, and stays in its free cells."""
+    levels = np.full((40, 50), 254, dtype=np.uint8)
+    levels[[0, -1]], levels[:, [0, -1]], levels[15:25, 20:22] = 0, 0, 0
+    levels[:8, :8] = 205
+    grid = read_ros_map(write(tmp_path, b"P5 50 40 255\n" + levels.tobytes()))
     room, *obstacles = grid.rings(FREE)
-    assert len(room) == 4 and len(obstacles) == 1
-    centres = grid.centres_of(np.argwhere(grid.cells >= UNKNOWN))
-    np.testing.assert_array_equal(inside(centres, walls([room, *obstacles])), grid.cells.ravel() == FREE)
+    assert len(room) == 6 and len(obstacles) == 1
+    constants = Constants(room=room, obstacles=tuple(obstacles), radius=0.1)
+    truth = World(constants, Hidden()).simulate(np.random.default_rng(4)).truth
+    assert np.ptp(truth[:, :2]) > 0.3
+    assert (grid.look_up(grid.cells, truth[:, :2], UNKNOWN) == FREE).all()
 
 
 @pytest.mark.parametrize(
