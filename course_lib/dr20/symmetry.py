@@ -212,8 +212,9 @@ def lattice(constants, spacing=0.25, headings=8):
 def mass_near_truth(run, grid, constants, rng, first=1, steps=50, count=100_000):
     """How much of the posterior lies near the truth, when nothing is known before a step.
 
-    A filter with the true models: what it cannot tell no filter can. How exact it is shows in a room that is its own
-    mirror image, where the answer is ½ (`maps.TWIN`).
+    A filter with the true models: what it cannot tell no filter can. How exact it is shows in `maps.TWIN`, where the
+    answer is a half or less: two equal modes exchange weight at random, faster the fewer particles there are. So it
+    answers which modes are left, and not to the second digit how likely each is.
 
     Parameters
     ----------
