@@ -101,7 +101,9 @@ def localizer(choices):
         # w^n ∝ w^n p(z | x^n);  w_avg = Σ_n w^n p(z | x^n)
         log_weights, log_mean = normalise(particles.log_weights + log_likelihood)
         if choices.alphas is not None:
-            memory = memory._replace(running=averages(memory.running, log_mean, *choices.alphas))
+            # The field's likelihood is of the beams that read something: of their number, too, but for this.
+            beams = np.isfinite(observation).sum() if choices.sensor == "field" else 1
+            memory = memory._replace(running=averages(memory.running, log_mean / max(beams, 1), *choices.alphas))
         # A scan that no particle can explain is left out.
         return Step(Particles(states, log_weights if log_mean > -np.inf else particles.log_weights), memory)
 

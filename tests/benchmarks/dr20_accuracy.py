@@ -157,7 +157,8 @@ def _why(problem, index, kidnapped):
     constants, _, run = setting(problem, index)
     first = int(success.kidnapped(run.truth)[0]) if kidnapped else 1
     steps = round(SOON / constants.Ts) + 1
-    mass = symmetry.mass_near_truth(run, constants, np.random.default_rng([19, index]), first, steps)
+    grid = symmetry.pose_grid(constants)
+    mass = symmetry.mass_near_truth(run, grid, constants, np.random.default_rng([19, index]), first, steps)
     return (
         f"run {index}, failed by the reference: of the exact posterior {100 * mass[-1]:.0f} % is near the truth after "
         f"{SOON:g} s, {100 * mass[min(10, len(mass) - 1)]:.0f} % after 1 s"
@@ -171,7 +172,7 @@ def _symmetry():
     found = symmetry.ambiguity(models.anywhere(LOOKED_AT, constants, rng), grid, constants, rng)
     known = np.array(
         [
-            symmetry.mass_near_truth(setting("global", i)[2], constants, np.random.default_rng([21, i]), steps=51)
+            symmetry.mass_near_truth(setting("global", i)[2], grid, constants, np.random.default_rng([21, i]), steps=51)
             for i in range(FOLLOWED)
         ]
     )
