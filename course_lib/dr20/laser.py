@@ -213,7 +213,7 @@ def localize(recording, scans, field, odometry, start, rng, beams, temper, alpha
         In (0, 1].
     alphas : (float, float), optional
         α_slow and α_fast of augmented MCL, which strews particles over the free cells when scans stop fitting; without
-        it none are.
+        it none are. In a room that the map does not have they stop fitting, too.
     least, most : int
         Bounds of KLD-sampling on the number of particles.
 

@@ -39,7 +39,7 @@ BENCHMARKS = {
     "beacon-speed": (beacon_speed.beacon_speed, 3),
     "dr20": (dr20_accuracy.dr20, 200),
     "dr20-speed": (dr20_speed.dr20_speed, 5),
-    "dr20-recorded": (dr20_recorded.dr20_recorded, 40),
+    "dr20-recorded": (dr20_recorded.dr20_recorded, 20),
     "raycasting": (raycasting.raycasting, 9),
 }
 
