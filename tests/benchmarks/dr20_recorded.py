@@ -144,7 +144,8 @@ def _print_facts(console, part):
     off = grid.look_up(grid.cells, corrected[first:, :2], UNKNOWN) != FREE
     console.print(f"{100 * off.mean():.0f} % of the test half's scans are taken in rooms that the map does not know.\n")
     console.print(
-        "Mean, not circular: of all particles, in place of the heaviest cluster's. of known: success of the runs that begin where the map is known; scans: until convergence, median; errors: "
+        "Mean, not circular: of all particles, in place of the heaviest cluster's. Of known: success of the runs that "
+        "begin where the map is known; scans: until convergence, median; errors: "
         "after it, of the runs that succeed; ms: processor time of one scan.\n"
     )
 
@@ -222,6 +223,7 @@ def _print_scores(console, pool, title, rows, runs):
             score(track.means if arithmetic else track.estimates, truth[stretch.start : stretch.stop])
             for track, stretch, _ in mine
         ]
+        of_known = [each.success for each, known in zip(scores, inside, strict=True) if known]
         good = [each for each in scores if each.success] or scores
         position = np.concatenate([each.position for each in good])
         heading = np.degrees(np.concatenate([each.heading for each in good]))
@@ -234,7 +236,7 @@ def _print_scores(console, pool, title, rows, runs):
         table.add_row(
             name,
             f"{100 * np.mean([each.success for each in scores]):.0f} %",
-            f"{100 * np.mean([each.success for each, known in zip(scores, inside, strict=True) if known] or [np.nan]):.0f} %",
+            f"{100 * np.mean(of_known or [np.nan]):.0f} %",
             f"{np.median([each.converged for each in scores]):.0f}",
             *quantiles,
             f"{milliseconds:.2f}",
