@@ -117,12 +117,11 @@ EXERCISES = (
             "geometry, up to the wall.",
             r"$\hat v = v + \sigma_v \varepsilon$, $\hat\omega = \omega + \sigma_\omega \varepsilon'$. An arc that "
             r"turns by $\hat\omega T_s$ has the chord $\hat v T_s \sin(a)/a$, $a = \hat\omega T_s / 2$, along "
-            r"$\theta + a$; "
-            "`np.sinc(a / np.pi)` is sin(a)/a at 0 too. The robot stops at contact, and goes on turning.",
-            "`chord = v * constants.Ts * np.sinc(a / np.pi)`; `sign = np.where(chord < 0, -1.0, 1.0)`; `dx, dy = "
-            "sign * np.cos(heading + a), sign * np.sin(heading + a)`; `way = reach(x, y, dx, dy, np.abs(chord), "
-            "constants.walls, constants.radius)`; return `np.column_stack([x + way * dx, y + way * dy, wrap(heading "
-            "+ 2 * a)])`.",
+            r"$\theta + a$; `np.sinc(a / np.pi)` is sin(a)/a at 0 too. The robot stops at contact, and goes on "
+            r"turning.",
+            "`chord = v * constants.Ts * np.sinc(a / np.pi)`; `direction = heading + a + np.where(chord < 0, np.pi, "
+            "0.0)`; `dx, dy = np.cos(direction), np.sin(direction)`; `way = reach(x, y, dx, dy, np.abs(chord), "
+            "constants)`; return `np.column_stack([x + way * dx, y + way * dy, wrap(heading + 2 * a)])`.",
         ),
     ),
     Exercise(
@@ -213,10 +212,12 @@ EXERCISES = (
             "A likelihood of five beams of 5 cm is a needle in a room of 25 m² and 360°: of 1000 particles hardly "
             "one is near enough to win. More particles on the first call, of which you keep fewer from step to step; "
             "a likelihood made wider; a little jitter, so that copies part.",
-            "10 000 particles on the first call, `n = max(1000, len(states) // 2)` offspring in each step; weigh by "
-            "`log_likelihood(observation, states, replace(constants, sigma=3 * constants.sigma))` "
-            "(`dataclasses.replace`); after the motion add `rng.standard_normal((N, 3)) * [0.01, 0.01, 0.01]` and "
-            "wrap the headings. For other than N offspring, N in `resample`'s marks becomes n.",
+            "First call: `cloud = prior(FIRST, constants, rng)`, return `Step(equally_weighted(cloud), (cloud, 0))`. "
+            "Then `cloud, k = previous.memory`; `states = transition(cloud, control, constants, rng)`; weigh by "
+            "`log_likelihood(observation, states, told)`, where `told = replace(constants, sigma=3 * constants.sigma)` "
+            "in the first ten steps; the posterior is `Particles(states, log_weights)`; and "
+            "`shaken(states[evenly(resample(log_weights, rng), n)], rng)` is what you remember, with n = FIRST in "
+            "these steps and KEPT after them.",
         ),
     ),
     Exercise(
@@ -244,10 +245,11 @@ EXERCISES = (
             "The mean likelihood of the cloud, before you normalise, goes into `averages`; after resampling each "
             "particle is replaced with probability `share` by one from `anywhere`: free positions, headings all "
             "around. What you remember from call to call is the `memory` of `Step(posterior, memory)`.",
-            "`w_avg = np.exp(logsumexp(logw) - np.log(N))`; `w_slow, w_fast, share = averages(w_avg, w_slow, w_fast, "
-            "0.05, 0.5)`; `new = rng.random(N) < share`; `states[new] = anywhere(new.sum(), constants, rng)`; return "
-            "`Step(states, (w_slow, w_fast))`, with None, None on the first call. The wider likelihood pays here "
-            "too; its root, half of the logarithm, a little more.",
+            "With `log_weights, log_sum = normalise(log_likelihood(...) - np.log(N))`, per beam: `w_slow, w_fast, "
+            "share = averages(np.exp(log_sum / len(observation)), w_slow, w_fast, 0.05, 0.5)`; `strewn = "
+            "np.flatnonzero(rng.random(n) < share)`; `offspring[strewn] = anywhere(len(strewn), constants, rng)`, or "
+            "better so many of 5000 such candidates, resampled by how they explain the scan. The memory is "
+            "`(offspring, w_slow, w_fast)`, with None, None on the first call.",
         ),
     ),
     Exercise(

@@ -23,7 +23,7 @@ from grader.assignments.dr20_motion_checks import OTHER, words
 BINS = (0.2, 0.2, np.pi / 12)
 #: Steps in which a robot that is found stays found.
 LAST = 10
-STEPS = 40
+STEPS = 30
 
 
 class Trial(NamedTuple):
@@ -47,17 +47,17 @@ class Trial(NamedTuple):
 
 
 #: Of 20 runs of the first and of the second kind, 1000 particles that start as 10 000, with a widened likelihood and a
-#: little jitter, find the robot in 20 and 19; plain ones in 11 and 3. These seeds are of runs that plain ones find in 1
-#: of 12 and 0 of 20 trials, the others in all. Who finds it in 95 % fails with a probability of 0.7 % and 0.1 %.
+#: little jitter, find the robot in 20 and 19; plain ones in 11 and 3. These seeds are of runs in which plain ones found
+#: it in 0 of 24 trials, the others in all. Who finds it in 95 % fails with a probability of 0.3 % and 0.05 %.
 TRIALS = (
-    Trial("a known start", replace(Constants(), near=(1.0, 1.0), within=1.0), (14, 25, 31), 2),
-    Trial("an unknown start", Constants(), (8, 16, 17, 20, 21), 3),
+    Trial("a known start", replace(Constants(), near=(1.0, 1.0), within=1.0), (25, 31), 1),
+    Trial("an unknown start", Constants(), (8, 16, 17, 20), 2),
 )
 #: Median error of the runs in which the robot is found, in metres: such filters have 0.01 to 0.02 m, the source 0.06 m.
 SHARP = 0.05
 #: Kidnappings from a known start. The seeds are of runs of which two end in either half of the circle of headings,
-#: whichever halves these are, and from which augmented filters with a widened likelihood recovered in 31 of 32 trials:
-#: from fewer than three of four they do with a probability of 0.6 %.
+#: whichever halves these are, and from which augmented filters with a widened likelihood recovered in 32 of 32 trials.
+#: Who recovers in 98 % does so from fewer than three of four with a probability of 0.2 %.
 KIDNAPPED = replace(Constants(), near=(1.0, 1.0), within=0.4, kidnap_rate=0.1)
 KIDNAPPINGS = (57, 32, 73, 106)
 RECOVERED = 3
@@ -68,7 +68,7 @@ FEW = 50
 def estimator(function):
     """The contract, then runs from a known and from an unknown start."""
     _contract(function)
-    lines, fault = [], ""
+    lines, lost, blunt = [], "", ""
     for trial in TRIALS:
         found, errors, reasons = 0, [], []
         for i, seed in enumerate(trial.seeds):
@@ -86,13 +86,17 @@ def estimator(function):
             f"From {trial.what}: found in {found} of {runs} runs of {STEPS} steps"
             f"{f', median error {error:.3f} m' if errors else ''}."
         )
-        if found < trial.enough and not fault:
+        if found < trial.enough and not lost:
             reason = next(filter(None, reasons), "Do all the pieces above pass?")
-            fault = f"The robot is to be found in {trial.enough} of {runs} runs at least. {reason}"
-        elif errors and error > SHARP and not fault:
-            fault = f"Found, but not sharply: the median error is to be {SHARP:g} m at most. What is too wide?"
+            lost = f"The robot is to be found in {trial.enough} of {runs} runs at least. {reason}"
+        elif errors and error > SHARP:
+            blunt = (
+                f"Found, but not sharply: the median error is to be {SHARP:g} m at most. "
+                "Is a likelihood or the jitter too wide, or were too few particles near the robot?"
+            )
     line = "\n".join(lines)
-    assert not fault, f"{fault}\n{line}"
+    assert not lost, f"{lost}\n{line}"
+    assert not blunt, f"{blunt}\n{line}"
     return line
 
 
@@ -121,7 +125,7 @@ def _contract(function):
             assert 0.2 < share < 0.8, (
                 f"{call}: {share:.0%} of the headings are in {half}; any heading is as likely: uniform on [-π, π)"
             )
-        run = World(constants, Hidden(steps=3)).simulate(np.random.default_rng(14))
+        run = World(constants, Hidden(steps=2)).simulate(np.random.default_rng(14))
         silent = np.full(len(constants.bearings), np.inf)
         for observation in (*run.observations, silent):
             what = "when all beams see nothing (inf)" if observation is silent else "in the first steps"
@@ -193,18 +197,17 @@ def _why_lost(clouds, run):
 def augmented(function):
     """The contract, then kidnappings."""
     _contract(function)
-    constants = KIDNAPPED
     recovered, before, after, strays = [], [], [], []
     for seed in KIDNAPPINGS:
-        run = _recorded_run(constants, Hidden(steps=110, kidnaps=1), seed)
-        clouds = _clouds(function, run, constants, f"Estimator kidnapped, run {len(recovered) + 1}")
+        run = _recorded_run(KIDNAPPED, Hidden(steps=110, kidnaps=1), seed)
         at = int(success.kidnapped(run.truth)[0])
-        poses = np.array([_pose(cloud) for cloud in clouds])
+        clouds, poses = _until_found(function, run, at, f"Estimator kidnapped, run {len(recovered) + 1}")
         assert success.near(*success.errors(poses[at - LAST : at], run.truth[at - LAST : at])).mean() > 0.5, (
-            "The robot is lost before anybody carries it off, from a start known to 0.4 m: random particles must not "
-            f"take over a cloud that explains the scans.\nEstimator kidnapped, run {len(recovered) + 1}"
+            "The robot is lost before anybody carries it off, from a start known to 0.4 m: either random particles take "
+            "over from a cloud that explains the scans, or the likelihood is too sharp for so few.\n"
+            f"Estimator kidnapped, run {len(recovered) + 1}"
         )
-        recovered.append(float(success.recoveries(poses, run.truth, constants.Ts).recovered[0]))
+        recovered.append(float(success.recoveries(poses, run.truth[: len(poses)], KIDNAPPED.Ts).recovered[0]))
         before.append(np.mean([_elsewhere(cloud, poses[at - 1]).mean() for cloud in clouds[LAST:at]]))
         away = [cloud.states[_elsewhere(cloud, poses[at - 1])] for cloud in clouds[at : at + LAST]]
         after.append(max(len(states) / len(cloud.states) for states, cloud in zip(away, clouds[at:], strict=False)))
@@ -223,6 +226,19 @@ def augmented(function):
     reason = none if np.median(after) < 0.02 else ""
     assert count >= RECOVERED, f"{reason}To pass here, recover from {RECOVERED} at least.\n{line}"
     return line
+
+
+def _until_found(function, run, at, call):
+    """Clouds and poses up to the time when the robot is found again for good, or to the end."""
+    clouds, poses, found = [], [], 0
+    for k, answer in enumerate(replay(function, run, KIDNAPPED, np.random.default_rng(15))):
+        clouds.append(_read(answer, f"{call}, step {k}"))
+        poses.append(_pose(clouds[-1]))
+        near = k >= at and success.near(*success.errors(poses[-1], run.truth[k]))
+        found = found + 1 if near else 0
+        if found > LAST and k >= at + LAST:
+            break
+    return clouds, np.array(poses)
 
 
 def _elsewhere(cloud, pose):
