@@ -1,0 +1,66 @@
+"""The source's way: weights are inverse distances of scans, and every step jitters all by 0.1."""
+
+import numpy as np
+
+from course_lib.angles import wrap
+from course_lib.geometry.polygons import fits, reach
+
+N = 400
+
+
+def Estimator(previous, observation, control, constants, rng):
+    if previous is None:
+        return draw_prior(N, constants, rng)
+    states = move(previous, control, constants, rng)
+    seen = np.minimum(distances(states, constants), constants.r_max)
+    errors = seen - np.minimum(observation, constants.r_max)
+    weights = 1.0 / np.linalg.norm(errors, axis=1)
+    states = states[rng.choice(N, N, p=weights / weights.sum())]
+    return states + rng.uniform(-0.1, 0.1, (N, 3))
+
+
+def draw_prior(n, c, rng):
+    """Anywhere free in the square that is told, with any heading."""
+    low = np.maximum(c.bounds[:2], np.array(c.near) - c.within)
+    high = np.minimum(c.bounds[2:], np.array(c.near) + c.within)
+    positions = np.empty((0, 2))
+    while len(positions) < n:
+        candidates = rng.uniform(low, high, (n, 2))
+        positions = np.vstack([positions, candidates[fits(candidates, c.walls, c.radius)]])
+    return np.column_stack([positions[:n], rng.uniform(-np.pi, np.pi, n)])
+
+
+def move(states, control, c, rng):
+    """An arc with noise in speed and yaw rate; walls stop the robot, but not its turning."""
+    v = control[0] + c.sigma_v * rng.standard_normal(len(states))
+    turn = (control[1] + c.sigma_omega * rng.standard_normal(len(states))) * c.Ts
+    x, y, heading = states.T
+    chord = v * c.Ts * np.sinc(0.5 * turn / np.pi)
+    ahead = np.column_stack([np.cos(heading + 0.5 * turn), np.sin(heading + 0.5 * turn)])
+    moved = states[:, :2] + chord[:, None] * ahead
+    for i in np.flatnonzero(~fits(moved, c.walls, c.radius)):
+        sign = np.sign(chord[i])
+        way = reach(x[i], y[i], *(sign * ahead[i]), abs(chord[i]), c.walls, c.radius)
+        moved[i] = states[i, :2] + sign * way * ahead[i]
+    return np.column_stack([moved, wrap(heading + turn)])
+
+
+def distances(states, c):
+    """From each robot along each beam to the first wall, shape (N, B), by cross products."""
+    x, y, heading = states.T
+    x = x + c.mount * np.cos(heading)
+    y = y + c.mount * np.sin(heading)
+    ax, ay, bx, by = c.walls.T
+    ex, ey = bx - ax, by - ay
+    px, py = ax - x[:, None], ay - y[:, None]
+    cross = px * ey - py * ex
+    result = np.empty((len(states), len(c.bearings)))
+    for k, bearing in enumerate(c.bearings):
+        ux, uy = np.cos(heading + bearing)[:, None], np.sin(heading + bearing)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            denominator = ux * ey - uy * ex
+            t = cross / denominator
+            s = (px * uy - py * ux) / denominator
+            hit = (t >= 0.0) & (s >= 0.0) & (s <= 1.0)
+        result[:, k] = np.where(hit, t, np.inf).min(axis=1)
+    return result
