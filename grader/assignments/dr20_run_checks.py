@@ -203,8 +203,8 @@ def augmented(function):
         at = int(success.kidnapped(run.truth)[0])
         clouds, poses = _until_found(function, run, at, f"Estimator kidnapped, run {len(recovered) + 1}")
         assert success.near(*success.errors(poses[at - LAST : at], run.truth[at - LAST : at])).mean() > 0.5, (
-            "The robot is lost before anybody carries it off, from a start known to 0.4 m: either random particles take "
-            "over from a cloud that explains the scans, or the likelihood is too sharp for so few.\n"
+            "The robot is lost before anybody carries it off, from a start known to 0.4 m: either random particles "
+            "take over from a cloud that explains the scans, or the likelihood is too sharp for so few.\n"
             f"Estimator kidnapped, run {len(recovered) + 1}"
         )
         recovered.append(float(success.recoveries(poses, run.truth[: len(poses)], KIDNAPPED.Ts).recovered[0]))

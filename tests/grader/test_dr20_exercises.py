@@ -613,7 +613,7 @@ def test_the_reference_passes(name, monkeypatch):
         ("estimator", localizer(prior=_crowded), "100% of the headings are in (0, π)"),
         ("estimator", localizer(first=1000, widened=1.0, root=1.0, jitter=0.0), "in step "),
         ("estimator", localizer(widened=12.0), "sharply"),
-        ("augmented", localizer(first=1000, widened=1.0, root=1.0, alphas=(0.05, 0.5)), "lost before anybody"),
+        ("augmented", localizer(100, 100, 1.0, 1.0, alphas=(0.05, 0.5)), "lost before anybody"),
         ("augmented", localizer(first=1000), "nothing is drawn anew"),
         ("augmented", localizer(first=1000, alphas=(0.5, 0.05)), "is α_slow the small one"),
         (
