@@ -229,6 +229,7 @@ def pack(trace):
         "room": trace.picture["room"],
         "sensors": trace.picture["sensors"],
         "obstacles": trace.picture.get("obstacles", []),
+        "rings": trace.picture.get("rings", []),
         "goal": trace.picture.get("goal"),
         "truth": trace.truth,
         "error": trace.error,

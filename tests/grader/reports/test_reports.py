@@ -220,6 +220,15 @@ def test_pictures_have_words():
         assert tag != "canvas" or attributes["role"] == "img"
 
 
+def test_a_map_of_rings_reaches_its_drawing():
+    trace = make().trace
+    slanted = [[[0.0, 0.0], [5.0, 1.0], [2.0, 5.0]], [[1.0, 1.0], [2.0, 1.5], [1.5, 2.0]]]
+    mapped = replace(trace, picture=trace.picture | {"rings": slanted})
+    assert html.pack(mapped)["rings"] == slanted and html.pack(trace)["rings"] == []
+    page = Page(render(make(trace=mapped)))
+    assert '"rings": [[[0.0, 0.0], [5.0, 1.0], [2.0, 5.0]]' in page.scripts[0] and "data.rings" in page.scripts[-1]
+
+
 def test_nothing_graded_and_nothing_at_all_are_reports_too():
     assert "no Estimator" in Page(render(refuse("ben", "no Estimator"))).text
     assert "Two robots" in Page(render()).text
