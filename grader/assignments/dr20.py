@@ -103,7 +103,7 @@ class OneOf(tuple):
 # copies part repeats the reference's scores to 20 %; the textbook's, where they stay copies until the motion's noise
 # parts them, is at twice the position score, and jitter of 10 cm in every step at 2.6 times.
 LOCAL = {"position score": (1.6, 3.2), "heading score": (1.5, 2.6), "lost": (1.4, 2.6)}
-# Where noise is so large that copies part by themselves, right filters are within 10 %, and a mean without a spread has √2
+# Where noise is so large that copies part by themselves, right filters are within 10 %; a mean without a spread has √2
 # times the score at least.
 TIGHT = {"position score": (1.25, 1.7), "heading score": (1.3, 1.8), "lost": (1.3, 2.0)}
 # Where the first scans leave many places, the reference has looked at all of them, a cloud drawn beforehand has not.
