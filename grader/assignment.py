@@ -256,8 +256,8 @@ class EstimatorAssignment(Assignment):
         State columns x and y of each target, for pictures.
     picture : callable
         `picture(variant) -> dict` of what a drawing of the world from above needs: "room" [x₀, y₀, x₁, y₁], "sensors"
-        [[x, y, name], ...], "targets" [name, ...] and "unit"; it may have "obstacles" [[x₀, y₀, x₁, y₁], ...], or "rings"
-        [[[x, y], ...], ...], the outlines of a map within "room" whose inside is what an odd number of them goes round.
+        [[x, y, name], ...], "targets" [name, ...] and "unit"; it may have "obstacles" [[x₀, y₀, x₁, y₁], ...], or
+        "rings" [[[x, y], ...], ...], the outlines of a map within "room": inside is what an odd number goes round.
     """
 
     answer = "posterior"
