@@ -6,16 +6,7 @@ import numpy as np
 
 from course_lib.dr20.constants import HEADING, Constants, X, Y
 from course_lib.geometry import polygons
-from course_lib.plotting import (
-    BLACK,
-    BLUE,
-    ORANGE,
-    VERMILLION,
-    animation,
-    representatives,
-    save_animation,
-    subplots,
-)
+from course_lib.plotting import BLACK, BLUE, ORANGE, VERMILLION, animation, representatives, save_animation, subplots
 from course_lib.recording import replay
 
 #: Length of a particle's tick, in metres.
@@ -70,7 +61,7 @@ def robot(axes, pose, constants, color=BLACK, label=None, width=2.0):
     return axes.plot(*_disc(pose, constants), color=color, linewidth=width, zorder=4, label=label)[0]
 
 
-def scan(axes, pose, observation, constants, color=ORANGE):
+def scan(axes, pose, observation, constants):
     """Draw what the beams say: rays as long as the readings, from a pose. What is missing is not drawn.
 
     Parameters
@@ -79,17 +70,16 @@ def scan(axes, pose, observation, constants, color=ORANGE):
     pose : array_like, shape (3,)
     observation : array_like, shape (B,)
     constants : Constants
-    color : str
 
     Returns
     -------
     matplotlib.lines.Line2D
     """
     x, y = _rays(pose, observation, constants)
-    return axes.plot(x, y, "-", color=color, linewidth=1.2, marker=".", markevery=(1, 3), markersize=6, zorder=3)[0]
+    return axes.plot(x, y, "-", color=ORANGE, linewidth=1.2, marker=".", markevery=(1, 3), markersize=6, zorder=3)[0]
 
 
-def cloud(axes, particles, color=BLUE, size=400, label=None, alpha=0.6):
+def cloud(axes, particles, size=400, label=None):
     """Draw particles, each in proportion to its weight: ticks that point ahead.
 
     Parameters
@@ -97,29 +87,26 @@ def cloud(axes, particles, color=BLUE, size=400, label=None, alpha=0.6):
     axes : matplotlib.axes.Axes
     particles : Particles
         States (N, 3).
-    color : str
     size : int
         How many are drawn.
     label : str, optional
-    alpha : float
 
     Returns
     -------
     matplotlib.lines.Line2D
     """
     x, y = _ticks(particles, size)
-    style = {"color": color, "linewidth": 0.8, "alpha": alpha, "markevery": (0, 3), "markeredgewidth": 0}
+    style = {"color": BLUE, "linewidth": 0.8, "alpha": 0.6, "markevery": (0, 3), "markeredgewidth": 0}
     return axes.plot(x, y, "-", marker="o", markersize=2.6, label=label, zorder=5, **style)[0]
 
 
-def way(axes, poses, color=BLACK, label=None, style="-", broken=1.0):
+def way(axes, poses, broken=1.0):
     """Draw the way of poses; where it jumps, the line is broken.
 
     Parameters
     ----------
     axes : matplotlib.axes.Axes
     poses : ndarray, shape (T, 3)
-    color, label, style : str
     broken : float
         Metres between two poses that make a jump.
 
@@ -129,7 +116,7 @@ def way(axes, poses, color=BLACK, label=None, style="-", broken=1.0):
     """
     jumps = np.flatnonzero(np.hypot(*np.diff(poses[:, : Y + 1], axis=0).T) > broken) + 1
     x, y = np.insert(poses[:, : Y + 1], jumps, np.nan, axis=0).T
-    return axes.plot(x, y, style, color=color, linewidth=1.5, label=label, zorder=3)[0]
+    return axes.plot(x, y, color=BLACK, linewidth=1.5, zorder=3)[0]
 
 
 def over_time(axes, series, Ts, ylabel, log=False):
@@ -181,7 +168,7 @@ def averages(axes, slow, fast, share, Ts):
     Parameters
     ----------
     axes : sequence of two matplotlib.axes.Axes
-        For the averages, on a logarithmic scale, and for the share.
+        For the averages and for the share.
     slow, fast, share : ndarray, shape (T,)
         w_slow, w_fast and the injected share of the particles at times Ts, 2 Ts, ..., T Ts.
     Ts : float
@@ -190,13 +177,15 @@ def averages(axes, slow, fast, share, Ts):
     times = (1 + np.arange(len(slow))) * Ts
     axes[0].plot(times, slow, "-", color=BLUE, linewidth=1.5, label="w_slow")
     axes[0].plot(times, fast, "--", color=VERMILLION, linewidth=1.2, label="w_fast")
-    axes[0].set(yscale="log", ylabel="mean weight")
+    axes[0].set(ylim=(0, None), ylabel="mean weight")
     axes[0].legend(fontsize=8, loc="upper left")
     axes[1].fill_between(times, 100.0 * np.asarray(share), step="mid", color=VERMILLION, alpha=0.5, linewidth=0)
     axes[1].set(ylim=(0, 100), ylabel="injected %", xlabel="time in s")
 
 
-def animate_run(run, constants, alt, posteriors=None, estimates=None, traces=None, every=2, size=250, trail=40):
+def animate_run(
+    run, constants, alt, posteriors=None, estimates=None, traces=None, every=2, size=250, trail=40, rate=10
+):
     """Animate a run: the robot and its scan, and what a filter makes of it.
 
     Parameters
@@ -217,6 +206,8 @@ def animate_run(run, constants, alt, posteriors=None, estimates=None, traces=Non
         How many particles are drawn.
     trail : int
         Steps of the way behind the robot.
+    rate : float
+        Frames per second.
 
     Returns
     -------
@@ -257,7 +248,7 @@ def animate_run(run, constants, alt, posteriors=None, estimates=None, traces=Non
                 line.set_xdata([k * constants.Ts] * 2)
         axes.set_title(f"{k * constants.Ts:4.1f} s", fontsize=10)
 
-    return animation(picture, draw, range(0, run.steps + 1, every), alt)
+    return animation(picture, draw, range(0, run.steps + 1, every), alt, rate)
 
 
 def _disc(pose, constants):
