@@ -29,10 +29,10 @@ def filtered(previous, observation, control, constants, rng):
 
 
 def scatter(states, rng):
-    """Copies part: by a fifth of the cloud's spread, at most 2 cm and a degree."""
+    """Copies part, by a fifth of the cloud's spread: 5 mm at least, 2 cm and a degree at most."""
     offsets = states - states[0]
     offsets[:, 2] = wrap(offsets[:, 2])
-    return states + np.minimum(0.2 * offsets.std(axis=0), 0.02) * rng.standard_normal(states.shape)
+    return states + np.clip(0.2 * offsets.std(axis=0), 0.005, 0.02) * rng.standard_normal(states.shape)
 
 
 def draw_prior(n, c, rng):

@@ -23,10 +23,10 @@ def Estimator(previous, observation, control, constants, rng):
 
 
 def scatter(states, rng):
-    """Copies part: by a fifth of the cloud's spread, at most 2 cm and a degree."""
+    """Copies part, by a fifth of the cloud's spread: 5 mm at least, 2 cm and a degree at most."""
     offsets = states - states[0]
     offsets[:, 2] = wrap(offsets[:, 2])
-    return states + np.minimum(0.2 * offsets.std(axis=0), 0.02) * rng.standard_normal(states.shape)
+    return states + np.clip(0.2 * offsets.std(axis=0), 0.005, 0.02) * rng.standard_normal(states.shape)
 
 
 def draw_prior(n, c, rng):
@@ -80,7 +80,7 @@ def log_likelihood(observation, states, c):
     """The beam model: the wall, nothing, or anything."""
     p_hit = 1.0 - c.p_short - c.p_miss - c.p_random
     # Wider than it is, so that what is nearly right counts.
-    sigma = np.hypot(c.sigma, 0.05)
+    sigma = c.sigma
     result = np.zeros(len(states))
     for z, d in zip(observation, distances(states, c).T, strict=True):
         if np.isfinite(z):
