@@ -27,6 +27,9 @@ HANDED_IN = [
     ("01_beacons", "beacon-ekf"),
     ("01_beacons", "beacon-pf"),
     ("01_beacons", "beacon-rrt"),
+    ("02_dr20_localization", "dr20-local"),
+    ("02_dr20_localization", "dr20-global"),
+    ("02_dr20_localization", "dr20-kidnapped"),
     ("03_vacuum_robots", "vacuum"),
 ]
 
