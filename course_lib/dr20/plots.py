@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 
-from course_lib.dr20.constants import HEADING, Constants, X, Y
+from course_lib.dr20.constants import HEADING, Constants, Hidden, X, Y
 from course_lib.geometry import polygons
 from course_lib.plotting import BLACK, BLUE, ORANGE, VERMILLION, animation, representatives, save_animation, subplots
 from course_lib.recording import replay
@@ -279,18 +279,15 @@ def _ticks(particles, size):
 def _portrait(path):
     """Write the animated GIF of the reference filter at work that the README shows."""
     # Only here: students have the pictures and not the reference.
-    from course_lib.dr20.constants import Hidden
+    from course_lib.dr20.mcl import pose
     from course_lib.dr20.reference import Estimator
     from course_lib.dr20.world import World
-    from course_lib.filters import equally_weighted, mean
 
     constants = Constants(kidnap_rate=0.1)
-    run = World(constants, Hidden(steps=160, kidnaps=1)).simulate(np.random.default_rng(3))
-    returned = replay(Estimator, run, constants, np.random.default_rng(4))
-    posteriors = [getattr(step, "posterior", step) for step in returned]
-    posteriors = [equally_weighted(p) if isinstance(p, np.ndarray) else p for p in posteriors]
-    estimates = np.array([mean(posterior, (HEADING,)) for posterior in posteriors])
-    page = animate_run(run, constants, "a robot, its scan and its particles", posteriors, estimates)
+    run = World(constants, Hidden(steps=140, kidnaps=1)).simulate(np.random.default_rng(6))
+    posteriors = [step.posterior for step in replay(Estimator, run, constants, np.random.default_rng(4))]
+    estimates = np.array([pose(posterior) for posterior in posteriors])
+    page = animate_run(run, constants, "a robot, its scan and its particles", posteriors, estimates, rate=6)
     save_animation(page, path)
 
 
