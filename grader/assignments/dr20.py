@@ -188,7 +188,7 @@ ROBOT = {
 }
 
 LOCAL_VARIANTS = (
-    _local("default", "the room with five tables", (7, 4, 7), steps=100, episodes=4),
+    _local("default", "the room with five tables", (14, 8, 14), steps=100, episodes=4),
     _local("precise", "precise beams: 2 cm", constants=PRECISE),
     _local("noisy", "noisy beams and a noisy robot: 15 cm, 10 cm/s, 10°/s", limits=TIGHT, constants=NOISY),
     _local("clutter", "two readings in five end at something before the wall", constants=CLUTTER),
@@ -206,7 +206,7 @@ LOCAL_VARIANTS = (
 )
 
 GLOBAL_VARIANTS = (
-    _global("default", "the room with five tables", (7, 4, 9), episodes=4),
+    _global("default", "the room with five tables", (14, 9, 19), episodes=4),
     _global("precise", "precise beams: 2 cm", constants=PRECISE),
     _global("noisy", "noisy beams and a noisy robot: 15 cm, 10 cm/s, 10°/s", constants=NOISY),
     _global("clutter", "two readings in five end at something before the wall", constants=CLUTTER),
@@ -220,8 +220,8 @@ GLOBAL_VARIANTS = (
 )
 
 KIDNAPPED_VARIANTS = (
-    _kidnapped("default", "the room with five tables, kidnapped once in 20 s", (7, 4, 14), episodes=4),
-    _kidnapped("twice", "kidnapped twice in 30 s", (3, 2, 7), steps=300, kidnaps=2, episodes=2),
+    _kidnapped("default", "the room with five tables, kidnapped once in 20 s", (10, 6, 20), episodes=4),
+    _kidnapped("twice", "kidnapped twice in 30 s", (5, 3, 12), steps=300, kidnaps=2, episodes=2),
     _kidnapped("noisy", "noisy beams and a noisy robot: 15 cm, 10 cm/s, 10°/s", constants=NOISY),
     _kidnapped("clutter", "two readings in five end at something before the wall", constants=CLUTTER),
     _kidnapped("beams", "seven beams in other directions", constants=BEAMS),
