@@ -12,13 +12,13 @@ import numpy as np
 
 from course_lib.dr20 import candidates, models
 from course_lib.dr20.constants import ANGLES
-from course_lib.filters import Particles, Step, effective_sample_size, equally_weighted, normalise
+from course_lib.filters import Particles, Step, effective_sample_size, equally_weighted, normalise, systematic
 from course_lib.filters.adaptive import kld_resample
 
 #: Candidates drawn when the cloud does not explain a scan.
 CANDIDATES = 20_000
 #: Particles while nothing is known, and the fewest afterwards.
-MOST, FEWEST = 8000, 600
+MOST, FEWEST = 8000, 1500
 #: A scan is a surprise when its log-evidence is this far below the usual.
 SURPRISE = 6.0
 #: The usual follows the log-evidence by this share of the difference.
@@ -110,4 +110,6 @@ def _begin(constants, rng):
 def _resampled(particles, rng):
     if effective_sample_size(particles) >= 0.5 * len(particles.states):
         return particles
-    return kld_resample(particles, rng, BINS, epsilon=EPSILON, least=FEWEST, most=MOST, angles=ANGLES)
+    drawn = kld_resample(particles, rng, BINS, epsilon=EPSILON, least=FEWEST, most=MOST, angles=ANGLES)
+    # So many, but not these: systematic resampling adds less noise.
+    return equally_weighted(particles.states[systematic(particles.weights, rng, len(drawn.states))])
