@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from course_lib.angles import wrap
 from course_lib.dr20 import candidates, models
-from course_lib.dr20.constants import ANGLES
+from course_lib.dr20.constants import ANGLES, HEADING
 from course_lib.filters import Particles, Step, effective_sample_size, equally_weighted, normalise, systematic
 from course_lib.filters.adaptive import kld_resample
 
@@ -23,6 +24,9 @@ MOST, FEWEST = 8000, 1500
 SURPRISE = 6.0
 #: The usual follows the log-evidence by this share of the difference.
 FOLLOW = 0.02
+#: Copies of candidates are parted by noise of this size, in metres, metres, radians: often a few weigh most, and the
+#: motion parts copies by millimetres.
+PARTED = (0.02, 0.02, 0.02)
 #: Probability per step that the cloud has lost the robot, where nobody kidnaps it.
 DOUBT = 1e-5
 #: Share of the candidates in the posterior of the first scan; the rest is for the cloud drawn before it.
@@ -41,6 +45,8 @@ class Memory(NamedTuple):
         Log-evidence of scans, on average.
     start, map : Catalogue
         Poses at the start, and all.
+    jumped : bool
+        Whether most of the posterior is candidates.
     steps : int
     """
 
@@ -48,6 +54,7 @@ class Memory(NamedTuple):
     usual: float
     start: candidates.Catalogue
     map: candidates.Catalogue
+    jumped: bool
     steps: int
 
 
@@ -75,6 +82,8 @@ def Estimator(previous, observation, control, constants, rng):
         return Step(memory.particles, memory)
     memory = previous.memory
     particles = _resampled(memory.particles, rng)
+    if memory.jumped:
+        particles = _parted(particles, constants, rng)
     moved = Particles(models.transition(particles.states, control, constants, rng), particles.log_weights)
     states = moved.states
     log_weights = moved.log_weights + models.log_likelihood(observation, states, constants)
@@ -91,7 +100,8 @@ def Estimator(previous, observation, control, constants, rng):
     # A scan that nothing explains, where the model has no place for outliers, is left out.
     particles = Particles(states, log_weights) if np.isfinite(total) else moved
     usual = memory.usual + FOLLOW * (max(log_evidence, memory.usual - 5.0 * SURPRISE) - memory.usual)
-    return Step(particles, memory._replace(particles=particles, usual=usual, steps=memory.steps + 1))
+    jumped = bool(np.exp(particles.log_weights[len(moved.states) :]).sum() > 0.5)
+    return Step(particles, memory._replace(particles=particles, usual=usual, jumped=jumped, steps=memory.steps + 1))
 
 
 def _begin(constants, rng):
@@ -104,7 +114,7 @@ def _begin(constants, rng):
     # What a scan's log-likelihood is where the robot is.
     scans = models.read(models.distances(states[:200], constants), constants, rng)
     usual = np.mean([models.log_likelihood(scan, states[i : i + 1], constants)[0] for i, scan in enumerate(scans)])
-    return Memory(equally_weighted(states), float(usual), start, everywhere, 0)
+    return Memory(equally_weighted(states), float(usual), start, everywhere, False, 0)
 
 
 def _resampled(particles, rng):
@@ -113,3 +123,11 @@ def _resampled(particles, rng):
     drawn = kld_resample(particles, rng, BINS, epsilon=EPSILON, least=FEWEST, most=MOST, angles=ANGLES)
     # So many, but not these: systematic resampling adds less noise.
     return equally_weighted(particles.states[systematic(particles.weights, rng, len(drawn.states))])
+
+
+def _parted(particles, constants, rng):
+    states = particles.states + PARTED * rng.standard_normal(particles.states.shape)
+    states[:, HEADING] = wrap(states[:, HEADING])
+    blocked = ~models.free(states, constants)
+    states[blocked] = particles.states[blocked]
+    return Particles(states, particles.log_weights)
