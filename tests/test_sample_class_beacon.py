@@ -5,24 +5,14 @@ Each fault is graded in the variant in which it shows most: all of them, in ever
 Episodes are the public ones, so that nothing here is left to chance but a planner's wall clock.
 """
 
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from course_lib.beacon import ekf, models
 from grader.assignment import PUBLIC_SECRET
 from grader.assignments import assignments
-from grader.evaluate import as_particles, evaluate, measured, preload, recorded_run
-from grader.grade import reference_outcome
-from grader.result import Result
-from grader.sandbox import isolation
-from grader.sandbox.server import Server
-
-ROOT = Path(__file__).parents[1]
-FOLDER = ROOT / "tests/submissions"
+from grader.evaluate import as_particles, measured, recorded_run
+from tests.sample_class import FOLDER, grade_by_command, opened_benches
 
 #: Specimen to the variant that shows its fault, and the most it may earn of that variant's points.
 FAULTS = {
@@ -168,73 +158,17 @@ CLASS = {
 SLOW = {"slow_from_the_start", "slow_python_loop"}
 
 
-class Bench:
-    """The servers of an assignment, and the reference's outcomes."""
-
-    def __init__(self, name):
-        self.assignment = assignments()[name].under(PUBLIC_SECRET)
-        tier = isolation.strongest()
-        given = preload(self.assignment)
-        self.servers = [
-            Server(preload=given, withheld=self.assignment.withheld, tier=tier),
-            Server(trusted=self.assignment.reference, tier=tier),
-        ]
-        self.references = {}
-
-    def grade(self, specimen, variant_name):
-        """Outcomes of a specimen in the episodes of a variant's round, and its share of the points."""
-        assignment, variant = self.assignment, self.assignment.variant(variant_name)
-        if variant_name not in self.references:
-            self.references[variant_name] = [
-                reference_outcome(self.servers[1], assignment, variant, episode, PUBLIC_SECRET)
-                for episode in range(variant.episodes)
-            ]
-        source = (FOLDER / assignment.name / f"{specimen}.py").read_text(encoding="utf-8")
-        outcomes, earned = [], []
-        for episode, reference in enumerate(self.references[variant_name]):
-            outcome = evaluate(self.servers[0], assignment, variant, episode, PUBLIC_SECRET, source, reference.draw)
-            outcomes.append(outcome)
-            earned += [
-                criterion.points * criterion.score(outcome.values[criterion.metric], reference.values[criterion.metric])
-                for criterion in variant.criteria
-                if outcome.status == "ok"
-            ]
-        return outcomes, sum(earned) / len(outcomes) / variant.points
-
-
 @pytest.fixture(scope="module")
 def benches():
-    """One bench per assignment, opened when it is asked for."""
-    opened = {}
-
-    def bench(name):
-        if name not in opened:
-            opened[name] = Bench(name)
-            for server in opened[name].servers:
-                server.__enter__()
-        return opened[name]
-
-    yield bench
-    for each in opened.values():
-        for server in each.servers:
-            server.close()
+    """One bench per assignment."""
+    with opened_benches() as bench:
+        yield bench
 
 
 @pytest.fixture(scope="module")
 def graded(tmp_path_factory):
-    """Results by assignment and name, from the command."""
-    results = {}
-    for name, specimens in CLASS.items():
-        output = tmp_path_factory.mktemp(name)
-        paths = [FOLDER / name / f"{specimen}.py" for specimen in specimens]
-        episodes = str(len(assignments()[name].variants))
-        command = ["from grader.cli import main; main()", "grade", *paths, "--assignment", name, "--output", output]
-        words = [*command, "--max-episodes", episodes, "--allow-unsandboxed"]
-        done = subprocess.run([sys.executable, "-c", *words], capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        records = [Result.from_json(path.read_text(encoding="utf-8")) for path in (output / "results").iterdir()]
-        results[name] = {record.submission: record for record in records}
-    return results
+    """Results by assignment and name, and the report, from the command."""
+    return {name: grade_by_command(name, specimens, tmp_path_factory.mktemp(name)) for name, specimens in CLASS.items()}
 
 
 def test_every_specimen_is_graded_here():
@@ -245,7 +179,7 @@ def test_every_specimen_is_graded_here():
 
 @pytest.mark.parametrize(("name", "specimen"), [(n, s) for n, class_ in CLASS.items() for s in class_])
 def test_the_class_is_told_apart(graded, name, specimen):
-    result = graded[name][specimen]
+    result = graded[name][0][specimen]
     least, most = CLASS[name][specimen]
     earned, there = sum(v.points for v in result.variants), sum(v.max_points for v in result.variants)
     assert least - 1e-9 <= earned / there <= most + 1e-9, result.message
@@ -259,21 +193,21 @@ def test_the_class_is_told_apart(graded, name, specimen):
 def test_what_is_right_earns_what_there_is(benches, name, specimen):
     variants, least = RIGHT[name][specimen]
     for variant in variants:
-        outcomes, share = benches(name).grade(specimen, variant)
+        outcomes, share = benches(name).grade_round(specimen, variant)
         assert share >= least - 1e-9, f"{share:.3f} of the points of {variant}: {[each.values for each in outcomes]}"
 
 
 @pytest.mark.parametrize(("name", "specimen"), [(n, s) for n, faults in FAULTS.items() for s in faults])
 def test_each_fault_costs_points_where_it_shows(benches, name, specimen):
     variant, most = FAULTS[name][specimen]
-    outcomes, share = benches(name).grade(specimen, variant)
+    outcomes, share = benches(name).grade_round(specimen, variant)
     assert share <= most, f"{share:.3f} of the points of {variant}: {[outcome.values for outcome in outcomes]}"
 
 
 @pytest.mark.parametrize(("name", "specimen"), [(n, s) for n, broken in BROKEN.items() for s in broken])
 def test_what_breaks_has_its_line(benches, name, specimen):
     status, words = BROKEN[name][specimen]
-    outcomes, share = benches(name).grade(specimen, {"beacon-rrt": "open"}.get(name, "outages"))
+    outcomes, share = benches(name).grade_round(specimen, {"beacon-rrt": "open"}.get(name, "outages"))
     for outcome in outcomes:
         assert outcome.status == status and words in outcome.message and "\n" not in outcome.message
         assert outcome.values == {} and share == 0.0

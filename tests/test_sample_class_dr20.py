@@ -4,23 +4,10 @@ Each program is graded in one public run of the variant in which its fault shows
 every variant. Seeds are fixed: nothing here is left to chance.
 """
 
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 
-from grader.assignment import PUBLIC_SECRET
-from grader.assignments import assignments
-from grader.evaluate import evaluate, preload
-from grader.grade import reference_outcome
 from grader.reports.calibration import calibrations
-from grader.result import Result
-from grader.sandbox import isolation
-from grader.sandbox.server import Server
-
-ROOT = Path(__file__).parents[1]
-FOLDER = ROOT / "tests/submissions"
+from tests.sample_class import FOLDER, grade_by_command, opened_benches
 
 #: Specimen to the variant that shows its fault, the most it may earn of its points, and the run, if not the first.
 FAULTS = {
@@ -123,69 +110,17 @@ RIGHT = {
 CLASS = {"dr20-local": {"good_plain": (0.85, 1.0), "source_weights_and_jitter": (0.0, 0.4)}}
 
 
-class Bench:
-    """The servers of an assignment, and the reference's outcomes."""
-
-    def __init__(self, name):
-        self.assignment = assignments()[name].under(PUBLIC_SECRET)
-        tier = isolation.strongest()
-        self.servers = [
-            Server(preload=preload(self.assignment), withheld=self.assignment.withheld, tier=tier),
-            Server(trusted=self.assignment.reference, tier=tier),
-        ]
-        self.references = {}
-
-    def grade(self, specimen, variant_name, episode=0):
-        """Outcome of a specimen in a run of a variant, and its share of the points."""
-        assignment, variant = self.assignment, self.assignment.variant(variant_name)
-        run = variant_name, episode
-        if run not in self.references:
-            self.references[run] = reference_outcome(self.servers[1], assignment, variant, episode, PUBLIC_SECRET)
-        reference = self.references[run]
-        source = (FOLDER / assignment.name / f"{specimen}.py").read_text(encoding="utf-8")
-        outcome = evaluate(self.servers[0], assignment, variant, episode, PUBLIC_SECRET, source)
-        earned = [
-            criterion.points * criterion.score(outcome.values[criterion.metric], reference.values[criterion.metric])
-            for criterion in variant.criteria
-            if outcome.status == "ok"
-        ]
-        return outcome, sum(earned) / variant.points
-
-
 @pytest.fixture(scope="module")
 def benches():
-    """One bench per assignment, opened when it is asked for."""
-    opened = {}
-
-    def bench(name):
-        if name not in opened:
-            opened[name] = Bench(name)
-            for server in opened[name].servers:
-                server.__enter__()
-        return opened[name]
-
-    yield bench
-    for each in opened.values():
-        for server in each.servers:
-            server.close()
+    """One bench per assignment."""
+    with opened_benches() as bench:
+        yield bench
 
 
 @pytest.fixture(scope="module")
 def graded(tmp_path_factory):
     """Results by assignment and name, and the report, from the command."""
-    results = {}
-    for name, specimens in CLASS.items():
-        output = tmp_path_factory.mktemp(name)
-        paths = [FOLDER / name / f"{specimen}.py" for specimen in specimens]
-        episodes = str(len(assignments()[name].variants))
-        command = ["from grader.cli import main; main()", "grade", *paths, "--assignment", name, "--output", output]
-        words = [*command, "--max-episodes", episodes, "--allow-unsandboxed"]
-        done = subprocess.run([sys.executable, "-c", *words], capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        records = [Result.from_json(path.read_text(encoding="utf-8")) for path in (output / "results").iterdir()]
-        page = (output / "report.html").read_text(encoding="utf-8")
-        results[name] = {record.submission: record for record in records}, page
-    return results
+    return {name: grade_by_command(name, specimens, tmp_path_factory.mktemp(name)) for name, specimens in CLASS.items()}
 
 
 def test_every_specimen_is_graded_here():
