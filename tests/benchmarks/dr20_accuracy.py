@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn, track
 from rich.table import Table
 from scipy.stats import beta
 
@@ -148,7 +148,7 @@ def dr20(console, runs):
         for index, outcome in enumerate(outcomes["reference"]):
             if not (outcome.recovered <= SOON if kidnapped else outcome.success):
                 console.print(_why(problem, index, kidnapped))
-    console.print(_symmetry())
+    console.print(_symmetry(console))
 
 
 def _why(problem, index, kidnapped):
@@ -164,21 +164,27 @@ def _why(problem, index, kidnapped):
     )
 
 
-def _symmetry():
+def _symmetry(console):
     """What the map makes impossible."""
     constants, rng = Constants(), np.random.default_rng(20)
     grid = symmetry.pose_grid(constants)
-    found = symmetry.ambiguity(models.anywhere(LOOKED_AT, constants, rng), grid, constants, rng)
+    poses = models.anywhere(LOOKED_AT, constants, rng)
+    found = [
+        symmetry.ambiguity(pose[None], grid, constants, rng)
+        for pose in track(poses, "scans that others explain", console=console)
+    ]
+    ambiguous, places = np.mean([each.ambiguous for each in found]), np.mean([each.counts for each in found])
     known = np.array(
         [
             symmetry.mass_near_truth(setting("global", i)[2], grid, constants, np.random.default_rng([21, i]), steps=51)
-            for i in range(FOLLOWED)
+            for i in track(range(FOLLOWED), "exact posteriors", console=console)
         ]
     )
-    shares = ", ".join(f"{100 * (known[:, k] < 0.5).mean():.0f} % after {k / 10:g} s" for k in (0, 5, 10, 20, 50))
+    when = {0: "the first scan", 5: "half a second", 10: "1 s", 20: "2 s", 50: "5 s"}
+    shares = ", ".join(f"{100 * (known[:, k] < 0.5).mean():.0f} % after {words}" for k, words in when.items())
     return (
-        f"The map: of {LOOKED_AT} random poses {100 * found.ambiguous.mean():.0f} % have a scan that a pose elsewhere "
-        f"explains about as well (3 nats), {found.counts.mean():.1f} places on average. Of {FOLLOWED} global runs, the "
+        f"The map: of {LOOKED_AT} random poses {100 * ambiguous:.0f} % have a scan that a pose elsewhere "
+        f"explains about as well (3 nats), {places:.1f} places on average. Of {FOLLOWED} global runs, the "
         f"exact posterior has less than half of its mass near the truth in {shares}."
     )
 
