@@ -167,7 +167,7 @@ def ambiguity(poses, grid, constants, rng, threshold=3.0):
     Parameters
     ----------
     poses : ndarray, shape (N, 3)
-        Of `models.anywhere`, for the share of the map; on a lattice, for a picture.
+        Of `models.anywhere`, for the share of the map.
     grid, constants, rng, threshold
         As in `explanations`.
 
@@ -183,30 +183,6 @@ def ambiguity(poses, grid, constants, rng, threshold=3.0):
         if far.any():
             elsewhere[i] = found.poses[far][np.argmax(found.log_ratios[far])]
     return Ambiguity(np.asarray(poses), counts, elsewhere)
-
-
-def lattice(constants, spacing=0.25, headings=8):
-    """Poses on a lattice, for a picture: `ambiguity(...).ambiguous.reshape(shape).mean(axis=2)` is one.
-
-    Parameters
-    ----------
-    constants : Constants
-    spacing : float
-        Metres.
-    headings : int
-
-    Returns
-    -------
-    poses : ndarray, shape (rows · columns · headings, 3)
-        Rows along y, columns along x; also where the robot cannot be.
-    shape : (int, int, int)
-        Rows, columns, headings.
-    """
-    low, high = constants.bounds[:2], constants.bounds[2:]
-    x, y = (np.arange(a + 0.5 * spacing, b, spacing) for a, b in zip(low, high, strict=True))
-    angles = -np.pi + 2.0 * np.pi * np.arange(headings) / headings
-    y, x, angles = np.meshgrid(y, x, angles, indexing="ij")
-    return np.stack([x, y, angles], axis=-1).reshape(-1, 3), x.shape
 
 
 def mass_near_truth(run, grid, constants, rng, first=1, steps=50, count=100_000):
@@ -246,27 +222,6 @@ def mass_near_truth(run, grid, constants, rng, first=1, steps=50, count=100_000)
         mass.append(_near(particles, run.truth[row]))
         particles = resample(particles, rng)
     return np.array(mass)
-
-
-def distinguishable(run, grid, constants, rng, first=1, seconds=5.0, least=0.5, count=100_000):
-    """Whether the exact posterior knows where the robot is, some time after nothing was known.
-
-    Parameters
-    ----------
-    run, grid, constants, rng, first, count
-        As in `mass_near_truth`.
-    seconds : float
-        From the first scan on.
-    least : float
-        The posterior probability that it takes, near the truth.
-
-    Returns
-    -------
-    bool
-        At that time, or at the end of the run if that is sooner.
-    """
-    steps = round(seconds / constants.Ts) + 1
-    return bool(mass_near_truth(run, grid, constants, rng, first, steps, count)[-1] >= least)
 
 
 @njit(types.float64[::1](types.float64[::1], types.float64[:, ::1], types.float64, types.float64), cache=True)

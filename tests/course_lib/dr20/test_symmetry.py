@@ -116,13 +116,6 @@ def test_ambiguity_is_that_of_each_pose():
     assert not clear.ambiguous.any() and (clear.counts == 1).all()
 
 
-def test_a_lattice_folds_into_a_picture():
-    poses, shape = symmetry.lattice(TWIN, spacing=0.5, headings=4)
-    picture = poses.reshape(*shape, 3)
-    assert shape == (8, 12, 4)
-    np.testing.assert_allclose(picture[2, 3, 1], [1.75, 1.25, -np.pi / 2])
-
-
 # The filter that is called exact
 
 
@@ -149,10 +142,7 @@ def test_two_ends_of_a_symmetric_room_share_the_posterior_and_another_room_is_cl
         run = World(TWIN, Hidden(steps=20)).simulate(np.random.default_rng(seed))
         mass = symmetry.mass_near_truth(run, grid, TWIN, np.random.default_rng(4), steps=20, count=40_000)
         assert len(mass) == 20 and 0.35 < mass[-1] < 0.65
-    settings = {"seconds": 1.5, "count": 20_000}
-    assert not symmetry.distinguishable(run, grid, TWIN, np.random.default_rng(4), least=0.9, **settings)
     run = World(SHEET, Hidden(steps=30, kidnaps=1)).simulate(np.random.default_rng(5))
     (row,) = success.kidnapped(run.truth)
-    assert symmetry.distinguishable(
-        run, coarse(SHEET), SHEET, np.random.default_rng(6), row, seconds=1.0, least=0.9, count=20_000
-    )
+    mass = symmetry.mass_near_truth(run, coarse(SHEET), SHEET, np.random.default_rng(6), row, steps=11, count=20_000)
+    assert mass[-1] >= 0.9
