@@ -138,7 +138,7 @@ class Checker:
     Parameters
     ----------
     unit : str
-        "vacuum" for the exercises of `grader.assignments.vacuum_exercises`.
+        "vacuum" for the exercises of `grader.assignments.vacuum.exercises`.
 
     Raises
     ------
@@ -147,11 +147,11 @@ class Checker:
     """
 
     def __init__(self, unit):
-        module = f"grader.assignments.{unit}_exercises"
+        module = f"grader.assignments.{unit}.exercises"
         try:
             exercises = importlib.import_module(module).EXERCISES
         except ModuleNotFoundError as error:
-            if error.name != module:
+            if error.name not in (module, module.rpartition(".")[0]):
                 raise
             raise ValueError(f"no exercises for unit {unit!r}: there is no module {module}") from None
         self._exercises = {exercise.name: exercise for exercise in exercises}

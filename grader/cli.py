@@ -13,16 +13,16 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from grader import doctor as examination
-from grader import intake
 from grader.assignment import PUBLIC_SECRET
 from grader.assignments import assignments, load
-from grader.executors import local_pool
-from grader.grade import WIDTH, most_episodes, refused
-from grader.names import file_name
+from grader.grading.executors import local_pool
+from grader.grading.grade import WIDTH, most_episodes, refused
+from grader.grading.secret import SecretError, fingerprint, new_secret, read_secret
+from grader.intake import collect
+from grader.intake.names import file_name
 from grader.reports import html, terminal
 from grader.sandbox import isolation
 from grader.sandbox.program import SandboxError, StudentError
-from grader.secret import SecretError, fingerprint, new_secret, read_secret
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 secrets = typer.Typer(add_completion=False, no_args_is_help=True, rich_markup_mode=None)
@@ -79,7 +79,7 @@ def grade(
     cap = _cap(chosen, width, max_episodes)
     tier = _tier(allow_unsandboxed)
     try:
-        programs, refusals = intake.gather(submissions, chosen)
+        programs, refusals = collect.gather(submissions, chosen)
     except RuntimeError as error:
         _stop(str(error))
     for refusal in refusals:
@@ -146,7 +146,7 @@ def release(
 ):
     """Make both notebooks of each lesson from its source in solutions/."""
     # Only here: it imports the notebook tools, which grading does not need.
-    from grader import release as products
+    from grader.lessons import release as products
 
     root = Path.cwd()
     if not (root / "solutions").is_dir():

@@ -6,10 +6,10 @@ import sys
 from importlib.metadata import version
 
 from grader.assignment import PUBLIC_SECRET
+from grader.grading.timing import measure_speed
 from grader.sandbox import isolation
 from grader.sandbox.program import Limits, Program
 from grader.sandbox.server import Server
-from grader.timing import measure_speed
 
 #: What a program tries, and from which tier on it must fail.
 ATTEMPTS = {

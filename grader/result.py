@@ -169,7 +169,7 @@ class Result:
         submission, or after patience was lost.
     confidence : float or None
     stopped : str
-        Why no more episodes were run, in words: one of `grader.grade`'s.
+        Why no more episodes were run, in words: one of `grader.grading.grade`'s.
     """
 
     submission: str

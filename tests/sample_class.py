@@ -7,8 +7,8 @@ from pathlib import Path
 
 from grader.assignment import PUBLIC_SECRET
 from grader.assignments import assignments
-from grader.evaluate import evaluate, preload
-from grader.grade import reference_outcome
+from grader.grading.evaluate import evaluate, preload
+from grader.grading.grade import reference_outcome
 from grader.result import Result
 from grader.sandbox import isolation
 from grader.sandbox.server import Server

@@ -15,16 +15,16 @@ import numpy as np
 import pytest
 
 from course_lib.vacuum.constants import Constants, Hidden
-from grader import intake
 from grader.assignment import PUBLIC_SECRET, Criterion, Speed, Variant
 from grader.assignments import assignments
-from grader.evaluate import evaluate, limits, program, recorded_run
-from grader.grade import grade
+from grader.grading.evaluate import evaluate, limits, program, recorded_run
+from grader.grading.grade import grade
+from grader.intake import collect
+from grader.intake.submission import Submission
 from grader.reports import html
 from grader.sandbox import isolation
 from grader.sandbox.channel import patience
 from grader.sandbox.server import Server
-from grader.submission import Submission
 from tests.surroundings import Surroundings
 from tests.tiers import need
 
@@ -172,7 +172,7 @@ def surroundings():
 @pytest.fixture(scope="module")
 def sources():
     """Every attack as it comes through intake: source by name."""
-    submissions, refusals = intake.gather([FOLDER], SHORT)
+    submissions, refusals = collect.gather([FOLDER], SHORT)
     assert refusals == []
     return {submission.name: submission.source for submission in submissions}
 

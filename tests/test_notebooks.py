@@ -11,9 +11,9 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from grader import notebook as notebook_intake
 from grader.assignments import assignments
-from grader.release import missing_equations
+from grader.intake import notebook as notebook_intake
+from grader.lessons.release import missing_equations
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = sorted((ROOT / "solutions").glob("*.md"))

@@ -11,7 +11,7 @@ import pytest
 from course_lib.beacon import ekf, models
 from grader.assignment import PUBLIC_SECRET
 from grader.assignments import assignments
-from grader.evaluate import as_particles, measured, recorded_run
+from grader.grading.evaluate import as_particles, measured, recorded_run
 from tests.sample_class import FOLDER, grade_by_command, opened_benches
 
 #: Specimen to the variant that shows its fault, and the most it may earn of that variant's points.

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from course_lib.beacon.constants import Constants, Hidden
-from course_lib.beacon.obstacles import Scene
+from course_lib.beacon.planning.obstacles import Scene
 from course_lib.beacon.quadrotor import fly_to
 from course_lib.beacon.world import World
 from course_lib.filters import Gaussian, Step, equally_weighted

@@ -1,1 +1,4 @@
-"""A quadrotor in a room with four beacons: geometry, Kalman and particle filters, kinodynamic planning."""
+"""A quadrotor in a room with four beacons: geometry, filters, planning; its wings are `planning` and `planar`.
+
+Imports what knows no world: `filters`, `geometry`, `angles`, `ranges`, `scoring`, `recording`, `plotting`.
+"""

@@ -1,13 +1,10 @@
-"""One module per world declares its assignments: adding one touches that file alone.
+"""One room per world: adding a world touches its room alone. Imports `lessons`, the nouns, and `course_lib`.
 
-Beside it, modules whose names end in `_exercises` and `_checks` hold what a world's notebook asks.
+`declaration` has a world's `ASSIGNMENTS`; `exercises` and `*_checks` are what its notebook asks.
 """
 
 import importlib
 import pkgutil
-
-#: Endings of modules that are a notebook's: they declare nothing, and take long to import.
-_OF_NOTEBOOKS = ("_exercises", "_checks")
 
 
 def assignments():
@@ -16,7 +13,7 @@ def assignments():
     Returns
     -------
     dict of str to Assignment
-        From the `ASSIGNMENTS` of each module in this folder that has them and can be imported.
+        From the `ASSIGNMENTS` of each world's `declaration` that can be imported.
     """
     return load()[0]
 
@@ -31,16 +28,14 @@ def load():
     -------
     found : dict of str to Assignment
     broken : list of str
-        One line for each module that cannot be imported.
+        One line for each world whose declaration cannot be imported.
     """
     found, broken = {}, []
-    for module in pkgutil.iter_modules(__path__):
-        if module.name.endswith(_OF_NOTEBOOKS):
-            continue
+    for world in pkgutil.iter_modules(__path__):
         try:
-            declared = getattr(importlib.import_module(f"{__name__}.{module.name}"), "ASSIGNMENTS", ())
+            declaration = importlib.import_module(f"{__name__}.{world.name}.declaration")
         except Exception as error:
-            broken.append(f"the assignments of {module.name} cannot be loaded: {type(error).__name__}: {error}")
+            broken.append(f"the assignments of {world.name} cannot be loaded: {type(error).__name__}: {error}")
         else:
-            found.update({assignment.name: assignment for assignment in declared})
+            found.update({assignment.name: assignment for assignment in declaration.ASSIGNMENTS})
     return found, broken

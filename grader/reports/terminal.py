@@ -4,7 +4,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from grader.names import one_line
+from grader.intake.names import one_line
 from grader.reports.calibration import calibrations
 from grader.reports.overview import (
     comparison,

@@ -9,12 +9,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from course_lib.beacon import checker, collisions, flight, pilot, planning, rrt
-from course_lib.beacon.obstacles import Scene, distances
+from course_lib.beacon.planning import checker, collisions, flight, pilot, problem, rrt
+from course_lib.beacon.planning.obstacles import Scene, distances
+from course_lib.beacon.planning.scenes import KINDS, random_scene
 from course_lib.beacon.quadrotor import f, parameters
-from course_lib.beacon.scenes import KINDS, random_scene
 from tests.benchmarks.planar_edges import AGILE, GENTLE, compare
-from tests.course_lib.beacon import planner_twins
+from tests.course_lib.beacon.planning import twins
 
 #: u_min and u_max of the source's planner, in N: all the rotors can do, and two ranges about hovering at 2.45 N.
 INPUTS = {"all that rotors can": None, "hover ± 10 %": (2.2, 2.7), "hover ± 1 %": (2.43, 2.48)}
@@ -44,7 +44,7 @@ def _by_planner(kind, index):
     """CPU seconds, whether there is a plan, its duration, the checker's verdicts, clearance and error; two margins."""
     scene = _scene(kind, index)
     start = time.process_time()
-    plan = planning.plan(scene, scene.start_state, np.random.default_rng([2, index]))
+    plan = problem.plan(scene, scene.start_state, np.random.default_rng([2, index]))
     return _row(plan, scene, time.process_time() - start)
 
 
@@ -185,7 +185,7 @@ def _speed(console):
     low, high = INPUTS["hover ± 10 %"]
     rng = np.random.default_rng(7)
     start = time.process_time()
-    planner_twins.source_rrt(scene, rng.random((PLAIN, rrt.DRAWS)), low, high)
+    twins.source_rrt(scene, rng.random((PLAIN, rrt.DRAWS)), low, high)
     plain = PLAIN / (time.process_time() - start)
     table = Table("tree", "edges tried per second", "ratio", title="Edges per second of CPU, one cluttered room")
     table.add_row(f"the source's way in plain Python and NumPy, {PLAIN} edges", f"{plain:,.0f}", "1")
@@ -198,7 +198,7 @@ def _speed(console):
         table.add_row(f"the same, compiled, {count:,} edges", f"{rate:,.0f}", f"{rate / plain:.0f}")
     edges, start = 0, time.process_time()
     for _ in range(200):
-        edges += planning.search(scene, scene.start_state, rng, 0.15, 20_000)[1][1]
+        edges += problem.search(scene, scene.start_state, rng, 0.15, 20_000)[1][1]
     rate = edges / (time.process_time() - start)
     table.add_row(f"steered, until the goal, {edges / 200:.0f} edges on average", f"{rate:,.0f}", f"{rate / plain:.0f}")
     console.print(table)

@@ -17,8 +17,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from scipy.stats import beta
 
-from course_lib.dr20 import mcl, models, reference, source, success, symmetry
+from course_lib.dr20 import mcl, models, reference, success, symmetry
 from course_lib.dr20.constants import Constants, Hidden
+from course_lib.dr20.report import method
 from course_lib.dr20.world import World
 
 #: A kidnapped robot is to be found within this time, in seconds.
@@ -41,12 +42,12 @@ SLOW = "MCL, 10 000 particles"
 #: Poses whose scans are looked at for what else explains them, and runs that are followed exactly.
 LOOKED_AT, FOLLOWED = 200, 20
 
-_GAUSSIAN = source.Choices(weight="gaussian", jitter=(0.01, 0.01, 0.01), circular=True, paired=True, augmented=False)
+_GAUSSIAN = method.Choices(weight="gaussian", jitter=(0.01, 0.01, 0.01), circular=True, paired=True, augmented=False)
 METHODS = {
-    "the source's": source.estimator(source.Choices()),
-    "... not augmented": source.estimator(source.Choices(augmented=False)),
-    "Gaussian .15, 1 cm": source.estimator(_GAUSSIAN),
-    "... + α .05/.5": source.estimator(
+    "the source's": method.estimator(method.Choices()),
+    "... not augmented": method.estimator(method.Choices(augmented=False)),
+    "Gaussian .15, 1 cm": method.estimator(_GAUSSIAN),
+    "... + α .05/.5": method.estimator(
         replace(
             _GAUSSIAN,
             augmented=True,
@@ -116,7 +117,7 @@ def measure(problem, method, index):
         previous = estimator(previous, *data, constants, rng)
         spent += (time.process_time() - start) if k else 0.0
         counts.append(len(previous.posterior.states))
-        own = isinstance(previous.memory, source.Memory)
+        own = isinstance(previous.memory, method.Memory)
         estimates.append(previous.memory.estimate if own else mcl.pose(previous.posterior))
     judged = success.judge(np.array(estimates), run.truth, constants.Ts)
     recovered = success.recoveries(np.array(estimates), run.truth, constants.Ts).recovered
@@ -207,13 +208,13 @@ def _table(problem, runs, outcomes, kidnapped):
     times = "recovery s 50, 90 %" if kidnapped else "converged s 50, 90 %"
     for name in (f"{rate} (95 %)", times, "error cm", "heading °", "particles", "ms"):
         table.add_column(name, justify="right")
-    for method, results in outcomes.items():
+    for name, results in outcomes.items():
         each = Outcome(*np.array(results, dtype=float).T)
         good = each.recovered <= SOON if kidnapped else each.success > 0.0
         low, high = _interval(int(good.sum()), runs)
         when = each.recovered if kidnapped else each.converged
         table.add_row(
-            method,
+            name,
             f"{100 * good.mean():.1f} % ({100 * low:.0f}-{100 * high:.0f})",
             ", ".join(_seconds(np.quantile(when, q, method="higher")) for q in (0.5, 0.9)),
             f"{100 * np.nanmedian(each.error):.1f}",

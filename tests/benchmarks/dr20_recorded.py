@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Column, Table
 from scipy.spatial import cKDTree
 
-from course_lib.dr20 import laser, scans
+from course_lib.dr20.recorded import laser, scans
 from course_lib.dr20.success import KEPT, NEAR_HEADING, NEAR_POSITION, errors
 from course_lib.geometry.occupancy import FREE, UNKNOWN
 from course_lib.recording import LaserRecording, RecordingError, read_carmen

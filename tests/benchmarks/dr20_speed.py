@@ -5,8 +5,9 @@ import time
 import numpy as np
 from rich.table import Table
 
-from course_lib.dr20 import listing, mcl, models, reference
+from course_lib.dr20 import mcl, models, reference
 from course_lib.dr20.constants import Constants, Hidden
+from course_lib.dr20.report import listing
 from course_lib.dr20.world import World
 from course_lib.filters import Particles, equally_weighted, normalise, resample
 

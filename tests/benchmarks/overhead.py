@@ -22,11 +22,11 @@ from course_lib.recording import Run, replay
 from course_lib.vacuum.constants import Constants
 from grader.assignment import PUBLIC_SECRET, Criterion, EstimatorAssignment, Speed, Variant
 from grader.assignments import assignments
-from grader.evaluate import Outcome, limits, program, recorded_run
-from grader.grade import grade, most_episodes, plan, reference_outcome
+from grader.grading.evaluate import Outcome, limits, program, recorded_run
+from grader.grading.grade import grade, most_episodes, plan, reference_outcome
+from grader.intake.submission import Submission
 from grader.sandbox import isolation
 from grader.sandbox.server import Server
-from grader.submission import Submission
 from tests.benchmarks import peers
 
 ROOT = Path(__file__).parents[2]
@@ -125,7 +125,7 @@ def _five_points(tier, runs):
                 for k in range(number):
                     worker.step(*([None] * 2 if k == 0 else [np.zeros(2), np.zeros(1)]))
 
-        with mock.patch("grader.grade.measure_speed", return_value=None):
+        with mock.patch("grader.grading.grade.measure_speed", return_value=None):
             judge()  # what is imported at first use is the class's
             total = _cpu_per_call(judge, runs, f"five points, tier {tier}")
         none, one, many = (_cpu_per_call(partial(steps, k), 5 * runs, f"{k} calls") for k in (0, 1, 1 + STEPS))

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from course_lib.beacon.collisions import march_by_chord, march_by_speed
+from course_lib.beacon.planning.collisions import march_by_chord, march_by_speed
 
 
 class Family(NamedTuple):

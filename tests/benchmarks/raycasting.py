@@ -9,7 +9,7 @@ from rich.progress import track
 from rich.table import Table
 
 from course_lib.dr20.constants import Constants
-from course_lib.dr20.listing import detect_obstacles, half_metre_lines
+from course_lib.dr20.report.listing import detect_obstacles, half_metre_lines
 from course_lib.geometry import lookup
 from course_lib.geometry.polygons import inside
 from course_lib.geometry.raycast import cast_fan

@@ -14,9 +14,9 @@ from rich.table import Column, Table
 from scipy.stats import chi2
 
 from course_lib.angles import wrap
-from course_lib.beacon.planar import Constants
-from course_lib.beacon.planar_calibration import calibrate, labyrinth, sighting_residuals
-from course_lib.beacon.planar_filters import dead_reckoning, kalman_step, localize, particle_step
+from course_lib.beacon.planar.calibration import calibrate, labyrinth, sighting_residuals
+from course_lib.beacon.planar.filters import dead_reckoning, kalman_step, localize, particle_step
+from course_lib.beacon.planar.robot import Constants
 from course_lib.recording import GroundRecording, RecordingError, read_mrclam, read_uwb
 
 #: Seconds between the instants at which errors are taken: filters take their steps at the same ones, and at sightings.

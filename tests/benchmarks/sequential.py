@@ -13,8 +13,8 @@ from rich.table import Table
 from scipy.stats import beta, norm
 
 from grader.assignments import assignments
-from grader.grade import WIDTH, most_episodes
-from grader.sequential import CONFIDENCE, bounds, schedule
+from grader.grading.grade import WIDTH, most_episodes
+from grader.grading.sequential import CONFIDENCE, bounds, schedule
 
 #: Sequences that are bounded together: as many as fit a cache.
 CHUNK = 500

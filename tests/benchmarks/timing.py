@@ -18,10 +18,10 @@ from rich.table import Table
 from course_lib.vacuum import reference
 from grader.assignment import PUBLIC_SECRET, Speed
 from grader.assignments import assignments
-from grader.evaluate import recorded_run
+from grader.grading.evaluate import recorded_run
+from grader.grading.timing import measure_speed
 from grader.sandbox import isolation
 from grader.sandbox.server import Server
-from grader.timing import measure_speed
 
 #: All points up to twice the reference's time, none from 2.1 times: what passes has them all, what fails has none.
 PASS_OR_FAIL = Speed("default", steps=30, points=10.0, full=2.0, none=2.1)

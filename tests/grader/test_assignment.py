@@ -14,7 +14,7 @@ from course_lib.vacuum.constants import Constants, Hidden
 from grader import assignments as declarations
 from grader.assignment import PUBLIC_SECRET, Criterion, LogUniform, Uniform, Variant, episode_seed
 from grader.assignments import assignments, load
-from grader.evaluate import program, recorded_run
+from grader.grading.evaluate import program, recorded_run
 
 CRITERION = Criterion("error", points=10.0, full=1.5, none=3.0)
 
@@ -58,7 +58,7 @@ def test_every_world_can_be_imported():
 
 def test_a_world_that_cannot_be_imported_leaves_the_others(monkeypatch):
     def fail(name):
-        raise SyntaxError("invalid syntax") if name.endswith("collapsed") else ImportError(f"no {name}")
+        raise SyntaxError("invalid syntax") if ".collapsed." in name else ImportError(f"no {name}")
 
     names = [SimpleNamespace(name="collapsed"), SimpleNamespace(name="ruin")]
     monkeypatch.setattr(declarations.pkgutil, "iter_modules", lambda path: names)
@@ -67,7 +67,7 @@ def test_a_world_that_cannot_be_imported_leaves_the_others(monkeypatch):
         {},
         [
             "the assignments of collapsed cannot be loaded: SyntaxError: invalid syntax",
-            "the assignments of ruin cannot be loaded: ImportError: no grader.assignments.ruin",
+            "the assignments of ruin cannot be loaded: ImportError: no grader.assignments.ruin.declaration",
         ],
     )
 

@@ -29,9 +29,10 @@ EXERCISE = Exercise("double", "Double <it>", _expects_double, _double, ("Nudge."
 
 @pytest.fixture
 def check(monkeypatch):
-    module = ModuleType("grader.assignments.sample_exercises")
+    module = ModuleType("grader.assignments.sample.exercises")
     missing = Exercise("missing", "No copy", _expects_double, "grader.assignments.nowhere:double", ("1", "2", "3"))
     module.EXERCISES = (EXERCISE, missing)
+    monkeypatch.setitem(sys.modules, "grader.assignments.sample", ModuleType("grader.assignments.sample"))
     monkeypatch.setitem(sys.modules, module.__name__, module)
     return Checker("sample")
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from course_lib import plotting
 from course_lib.beacon import models, plots
 from course_lib.beacon.constants import YAW, Constants, Hidden
-from course_lib.beacon.obstacles import Scene
+from course_lib.beacon.planning.obstacles import Scene
 from course_lib.beacon.world import World
 from course_lib.filters import Gaussian, Particles
 

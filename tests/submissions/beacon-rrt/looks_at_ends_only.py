@@ -3,7 +3,7 @@
 import numpy as np
 
 from course_lib.beacon import quadrotor
-from course_lib.beacon.obstacles import distances
+from course_lib.beacon.planning.obstacles import distances
 from course_lib.filters import Step
 
 MARGIN = 0.2

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from course_lib.beacon.obstacles import distances
+from course_lib.beacon.planning.obstacles import distances
 from course_lib.beacon.quadrotor import f, fly_to
 from course_lib.filters import Step
 

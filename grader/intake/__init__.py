@@ -1,0 +1,4 @@
+"""From files that anyone may send to programs: archives, notebooks and scripts, read in a process of its own.
+
+Imports the nouns alone.
+"""
