@@ -65,20 +65,24 @@ def test_a_likelihood_that_is_none_is_refused(value):
         adaptive.averages(None, value, 0.1, 0.3)
 
 
+# Of a share: a hundred steps with logarithms below 20, whose last digit is 4e-15, and two roundings in each.
+ROUNDING = 1e-12
+
+
 def shares(alpha_slow, alpha_fast, reset=False, lost=20):
     """The share of random particles while a tracked robot (likelihood 1) is lost (1e-6) and finds itself again."""
     running, result = None, []
     for w in [1.0] * 50 + [1e-6] * lost + [1.0] * 50:
         running = adaptive.averages(running, np.log(w), alpha_slow, alpha_fast)
         result.append(running.share)
-        if reset and running.share > 0.0:
+        if reset and running.share > ROUNDING:
             running = None
     return np.array(result)
 
 
 def test_particles_come_while_the_robot_is_lost_and_then_stop():
     share = shares(0.01, 0.3)
-    assert share[:50].max() == 0.0 and share[51:70].min() > 0.4 and share[90:].max() < 0.01
+    assert share[:50].max() < ROUNDING and share[51:70].min() > 0.4 and share[90:].max() < 0.01
 
 
 def test_swapped_rates_do_it_the_other_way_round():
@@ -93,8 +97,8 @@ def test_swapped_rates_do_it_the_other_way_round():
 
 
 def test_averages_reset_after_an_injection_forget_what_good_was():
-    assert np.count_nonzero(shares(0.01, 0.3)[50:70]) == 20
-    assert np.count_nonzero(shares(0.01, 0.3, reset=True)[50:70]) == 1
+    assert np.count_nonzero(shares(0.01, 0.3)[50:70] > ROUNDING) == 20
+    assert np.count_nonzero(shares(0.01, 0.3, reset=True)[50:70] > ROUNDING) == 1
 
 
 # Injection
