@@ -11,7 +11,7 @@ IEE Proceedings F 140(2), 1993.
 
 import numpy as np
 
-from course_lib.filters.particles import Particles, effective_sample_size, equally_weighted, normalise
+from course_lib.filters.particles import Particles, equally_weighted, normalise
 from course_lib.filters.resampling import systematic
 
 
@@ -94,10 +94,11 @@ def resample(particles, rng, scheme=systematic, threshold=0.5):
     Particles
         Equally weighted offspring, or the particles as they are.
     """
-    # Equal weights have an effective sample size of N but for rounding.
-    if effective_sample_size(particles) >= threshold * len(particles.states) * (1.0 - 1e-9):
+    weights = particles.weights
+    # ESS = 1 / Σ w²; that of equal weights is N but for rounding.
+    if 1.0 >= threshold * len(weights) * (1.0 - 1e-9) * np.square(weights).sum():
         return particles
-    return equally_weighted(particles.states[scheme(particles.weights, rng)])
+    return equally_weighted(particles.states.take(scheme(weights, rng), axis=0))
 
 
 def bootstrap_step(particles, transition, log_likelihood, rng, scheme=systematic, threshold=0.5):

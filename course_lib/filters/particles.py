@@ -100,7 +100,7 @@ def effective_sample_size(particles):
     ----------
     A. Kong, J. S. Liu, W. H. Wong, *Sequential imputations and Bayesian missing data problems*, JASA 89, 1994.
     """
-    return float(np.exp(-_log_sum_exp(2.0 * particles.log_weights)))
+    return float(1.0 / np.square(particles.weights).sum())
 
 
 def mean(particles, angles=()):
@@ -197,7 +197,10 @@ def entropy(posterior, angles=()):
 def _log_sum_exp(values):
     # scipy's takes 20 times as long for a thousand values: it is made for arrays of any kind.
     top = values.max()
-    return float(top + np.log(np.exp(values - top).sum())) if np.isfinite(top) else float(top)
+    if not np.isfinite(top):
+        return float(top)
+    shares = values - top
+    return float(top + np.log(np.exp(shares, out=shares).sum()))
 
 
 def _deviations(particles, centre, angles):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit, types
 
-from course_lib.filters import Particles, Step
+from course_lib.filters import Particles, Step, systematic
 from course_lib.vacuum import models
 from course_lib.vacuum.models import bounce, to_wall
 
@@ -96,7 +96,7 @@ def _resampled(cloud, constants, rng):
     # ESS = 1 / Σ w²
     if 1.0 / np.square(weights).sum() >= THRESHOLD * COUNT:
         return Cloud(robots.copy(), weights)
-    parents = offspring(weights, rng.random(), COUNT)
+    parents = systematic(weights, rng)
     # Each heading spans a quarter of the circle at first, the pair of them a square: N points in it lie this far apart.
     spacing = np.pi / 2 / np.sqrt(COUNT)
     children = np.empty_like(robots)
@@ -119,48 +119,12 @@ def _weighed(cloud, observation, constants):
 
 def _thinned(cloud, rng):
     """`RETURNED` particles of equal weight that stand for the cloud."""
-    drawn = offspring(cloud.weights, rng.random(), RETURNED)
+    drawn = systematic(cloud.weights, rng, RETURNED)
     states = np.empty((RETURNED, 6))
     for robot in (0, 1):
         for row in (X, Y, HEADING):
             states[:, 3 * robot + row] = cloud.robots[robot, row].take(drawn)
     return Particles(states, np.full(RETURNED, -np.log(RETURNED)))
-
-
-@njit(_INDICES(_COLUMN, _FLOAT, types.int64), cache=True)
-def offspring(weights, shift, size):
-    """Systematic resampling: the parent of each child, sorted.
-
-    The same as `filters.systematic` with the draw `shift`, but its loops have no branch that depends on the weights,
-    which the processor would mispredict half of the time.
-
-    Parameters
-    ----------
-    weights : ndarray, shape (N,)
-        Non-negative, with a positive sum.
-    shift : float
-        In [0, 1).
-    size : int
-
-    Returns
-    -------
-    ndarray of int64, shape (size,)
-    """
-    total = 0.0
-    for i in range(weights.size):
-        total += weights[i]
-    parents = np.zeros(size, dtype=np.int64)
-    before = 0.0
-    for i in range(weights.size):
-        # Child m sits at (m + u) / M: the first above C_{i-1} = Σ_{j<i} w_j is m = ⌈M C_{i-1} - u⌉
-        first = max(0, int(np.ceil(size * (before / total) - shift)))
-        before += weights[i]
-        if first < size and weights[i] > 0.0:
-            parents[first] = i
-    # A parent keeps its children up to where the next one's begin.
-    for m in range(1, size):
-        parents[m] = max(parents[m], parents[m - 1])
-    return parents
 
 
 @njit(types.void(_ROWS, _INDICES, _FLOAT, _FLOAT, _FLOAT, types.npy_rng), cache=True)

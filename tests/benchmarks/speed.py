@@ -10,15 +10,18 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from course_lib.filters import resampling
+from course_lib.filters import bootstrap_step, equally_weighted, resampling
 from course_lib.vacuum import models, reference
 from course_lib.vacuum.constants import Constants
 from course_lib.vacuum.world import World
+from tests.course_lib.filters.test_resampling import systematic_numpy
 from tests.course_lib.vacuum import test_reference as twins
 from tests.course_lib.vacuum.twins import drive_numpy
 
 #: Particles of the filter without arrays, and the steps it takes.
 FEW, STEPS = 300, 60
+#: Steps of the scalar model that is filtered beside `particles`: x' = 0.9 x + 0.3 noise, read with 0.2 of noise.
+SCALAR_STEPS = 30
 
 
 def cpu_of(function, repeats=15):
@@ -39,6 +42,7 @@ def speed(console: Console, runs):
     _whole_filter(console, constants, updates)
     _kernels(console, constants)
     _resamplers(console)
+    _beside_particles(console)
 
 
 def reference_updates(constants, runs):
@@ -93,7 +97,7 @@ def _kernels(console, constants):
             (np.ones(n), robot, other, 3.0, *constants.sensors[0], constants.w_bar, constants.s_bar),
         ),
         "turn_copies": (reference.turn_copies, twins.turn_copies_numpy, (robot, parents, 0.002, *room, rng)),
-        "offspring": (reference.offspring, twins.offspring_numpy, (weights, 0.5, n)),
+        "systematic_indices": (resampling.systematic_indices, systematic_numpy, (weights, 0.5, n)),
     }
     table = Table("kernel", "particles per second", "NumPy twin's", "kernel is", title=f"Kernels, {n} particles")
     for name, (kernel, twin, arguments) in pairs.items():
@@ -122,6 +126,67 @@ def _resamplers(console):
         table.add_row(name, f"{1e3 * own:.3f} ms", f"{1e3 * theirs:.3f} ms", f"{theirs / own:.1f} times faster")
     console.print(table)
     console.print()
+
+
+def _beside_particles(console):
+    """Systematic resampling and a whole bootstrap step beside Chopin's `particles`, by turns."""
+    try:
+        import particles
+        from particles import distributions, state_space_models
+    except ImportError:
+        console.print(
+            "particles (Chopin) is not installed here: with it, its resampling and its filter stand beside.\n"
+        )
+        return
+    rng = np.random.default_rng(7)
+    weights = rng.random(10**6) ** 3
+    weights /= weights.sum()
+
+    class Scalar(state_space_models.StateSpaceModel):
+        def PX0(self):
+            return distributions.Normal()
+
+        def PX(self, t, xp):
+            return distributions.Normal(loc=0.9 * xp, scale=0.3)
+
+        def PY(self, t, xp, x):
+            return distributions.Normal(loc=x, scale=0.2)
+
+    _, readings = Scalar().simulate(SCALAR_STEPS)
+
+    def their_filter():
+        model = state_space_models.Bootstrap(ssm=Scalar(), data=readings)
+        particles.SMC(fk=model, N=10**5, resampling="systematic", ESSrmin=0.5).run()
+
+    pairs = {
+        "systematic, 10⁶ weights": (
+            partial(resampling.systematic, weights, rng),
+            partial(particles.resampling.systematic, weights),
+            1,
+        ),
+        "bootstrap step, 10⁵ particles": (partial(_scalar_filter, readings, 10**5, rng), their_filter, SCALAR_STEPS),
+    }
+    table = Table("", "course_lib.filters", "particles", "course_lib is", title="Beside particles (Chopin)")
+    for name, (own, theirs, steps) in pairs.items():
+        # By turns, as a machine that others share has slow minutes: the ratio is of neighbours.
+        times = np.array([(cpu_of(own, 1), cpu_of(theirs, 1)) for _ in range(15)]) / steps
+        own, theirs = 1e3 * np.median(times, axis=0)
+        ratio = np.median(times[:, 1] / times[:, 0])
+        table.add_row(name, f"{own:.2f} ms", f"{theirs:.2f} ms", f"{ratio:.1f} times faster")
+    console.print(table)
+    console.print()
+
+
+def _scalar_filter(readings, n, rng):
+    cloud = equally_weighted(rng.standard_normal((n, 1)))
+    constant = -np.log(0.2) - 0.5 * np.log(2 * np.pi)
+    for reading in readings:
+        cloud, _ = bootstrap_step(
+            cloud,
+            lambda states, rng: 0.9 * states + 0.3 * rng.standard_normal(states.shape),
+            lambda states, z=reading: constant - 0.5 * ((z - states[:, 0]) / 0.2) ** 2,
+            rng,
+        )
 
 
 def loop_filter(run, constants, rng):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from course_lib.filters import equally_weighted, multinomial, residual, stratified, systematic
-from course_lib.filters.resampling import inverse_cdf
+from course_lib.filters.resampling import inverse_cdf, systematic_indices
 
 SCHEMES = [multinomial, stratified, systematic, residual]
 REPETITIONS = 6_000
@@ -175,3 +175,36 @@ def test_kernel_equals_the_search_in_normalised_cumulative_weights(counts, posit
     cumulative = np.cumsum(weights)
     expected = np.searchsorted(cumulative / cumulative[-1], positions, side="right")
     np.testing.assert_array_equal(inverse_cdf(weights, positions), expected)
+
+
+def systematic_numpy(weights, shift, size):
+    """The index of each child, from the partial sums: the textbook's systematic resampling."""
+    cumulative = np.cumsum(weights)
+    return np.searchsorted(size * (cumulative / cumulative[-1]), np.arange(size) + shift, side="right")
+
+
+@pytest.mark.parametrize("size", [0, 1, 100, 1000, 5000])
+@pytest.mark.parametrize("power", [0.0, 1.0, 30.0])
+def test_systematic_kernel_equals_its_numpy_twin(size, power):
+    rng = np.random.default_rng(1)
+    weights = rng.random(1000) ** power
+    weights[rng.random(1000) < 0.3] = 0.0
+    shift = rng.random()
+    indices = systematic_indices(weights, shift, size)
+    np.testing.assert_array_equal(indices, systematic_numpy(weights, shift, size))
+    np.testing.assert_array_equal(indices, inverse_cdf(weights, (np.arange(size) + shift) / size))
+
+
+@given(st.lists(st.integers(0, 8), min_size=1, max_size=20), st.integers(0, 255), st.integers(0, 50))
+def test_systematic_kernel_is_exact_where_nothing_is_rounded(counts, shift, size):
+    # Weights are multiples of 2⁻¹⁰ that sum to a power of two, the shift one of 2⁻⁸.
+    total = sum(counts)
+    counts.append((1 << total.bit_length()) - total)
+    weights, shift = np.array(counts) / 1024, shift / 256
+    np.testing.assert_array_equal(systematic_indices(weights, shift, size), systematic_numpy(weights, shift, size))
+
+
+def test_systematic_kernel_never_takes_an_index_of_zero_weight():
+    for weights in ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.5, 0.0], [0.0, 5e-324, 0.0]):
+        for shift in (0.0, 0.5, 1.0 - 2**-53):
+            assert np.all(np.array(weights)[systematic_indices(np.array(weights), shift, 7)] > 0.0)

@@ -9,7 +9,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from course_lib.filters import Particles, Step, bootstrap_step, equally_weighted, systematic
+from course_lib.filters import Particles, Step, bootstrap_step, equally_weighted
 from course_lib.recording import replay
 from course_lib.scoring import best_share_error
 from course_lib.vacuum import models, reference
@@ -54,12 +54,6 @@ def run_error(run, constants, seed):
 # The kernels and their twins
 
 
-def offspring_numpy(weights, shift, size):
-    """Parent of each child, from the partial sums: the textbook's systematic resampling."""
-    cumulative = np.cumsum(weights)
-    return np.searchsorted(cumulative / cumulative[-1], (np.arange(size) + shift) / size, side="right")
-
-
 def turn_copies_numpy(robot, parents, scale, room_x, room_y, rng):
     """`reference.turn_copies` in polar form: the bounce is the centre, the distance driven since then the radius."""
     copies = 1 + np.flatnonzero(np.diff(parents) == 0)
@@ -91,26 +85,6 @@ def weigh_numpy(weights, tuned_to, other, reading, sensor_x, sensor_y, w_bar, s_
         for robot in (tuned_to, other)
     )
     weights *= (1.0 - s_bar) * right + s_bar * wrong
-
-
-@pytest.mark.parametrize("size", [1, 100, 1000, 5000])
-@pytest.mark.parametrize("power", [0.0, 1.0, 30.0])
-def test_offspring_is_systematic_resampling(size, power):
-    rng = np.random.default_rng(1)
-    weights = rng.random(1000) ** power
-    weights[rng.random(1000) < 0.3] = 0.0
-    weights /= weights.sum()
-    shift = np.random.default_rng(2).random()
-    parents = reference.offspring(weights, shift, size)
-    np.testing.assert_array_equal(parents, offspring_numpy(weights, shift, size))
-    np.testing.assert_array_equal(parents, systematic(weights, np.random.default_rng(2), size))
-
-
-def test_offspring_never_descends_from_a_weight_of_zero():
-    for weights in ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.5, 0.0]):
-        weights = np.array(weights)
-        for shift in (0.0, 0.5, 1.0 - 2**-53):
-            assert np.all(weights[reference.offspring(weights, shift, 7)] > 0.0)
 
 
 def test_turn_copies_matches_its_twin():
